@@ -1,0 +1,1 @@
+"""The adaptable anatomy model and its fitting to one subject."""

@@ -1,0 +1,286 @@
+"""An anatomy as data: bones, landmarks, joints, coordinates, handles, deformers, skin.
+
+Code elsewhere in the package names joint TYPES and deformer TYPES, never a bone. Conventions: metres, radians,
+X forward, Y up, Z right (ISB) in the rest pose; points are (N, 3); all arrays are given at rest.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import AnatomyError
+from capture.files import replaced_when_complete
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FORMAT = "bonetrack-anatomy"
+VERSION = 1
+
+JointType = Literal["free", "hinge", "universal"]
+DeformerType = Literal["rigid", "forearm"]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One degree of freedom, with OpenSim's name, sign and zero.
+
+    ``rest`` is its value in the template's rest pose; for a free joint it is 0 and has no meaning, because the
+    rest values follow from the landmarks.
+    """
+
+    name: str
+    unit: Literal["rad", "m"]
+    low: float
+    high: float
+    rest: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A right-handed frame from landmarks, as ISB writes them down.
+
+    The origin is the mean of ``origin``. ``y`` points from the mean of ``y_from`` to the mean of ``y_to``;
+    ``z`` is the part of (mean of ``z_to`` - mean of ``z_from``) perpendicular to ``y``; ``x = y x z``.
+    Each entry is a tuple of landmark names.
+    """
+
+    origin: tuple[str, ...]
+    y_from: tuple[str, ...]
+    y_to: tuple[str, ...]
+    z_from: tuple[str, ...]
+    z_to: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A rigid body: one bone, or several that move as one."""
+
+    name: str
+    frame: Frame
+    vertices: Floats = field(repr=False)  # (N, 3) m
+    faces: Ints = field(repr=False)  # (M, 3)
+    handle_weights: Floats = field(repr=False)  # (N, H): bounded biharmonic, inside the bone
+
+
+@dataclass(frozen=True)
+class Joint:
+    """How ``child`` moves relative to ``parent`` (None: relative to the recording's frame).
+
+    free: six coordinates, a rotation vector (rad) and the origin of the child's frame (m), in the recording.
+    hinge: one coordinate, a turn about the line through the two landmarks of ``axes[0]``.
+    universal: two coordinates; the line ``axes[0]`` is fixed in the parent, ``axes[1]`` rides on the first turn.
+    ``centre`` names the landmarks whose mean is the joint centre.
+    """
+
+    name: str
+    type: JointType
+    parent: str | None
+    child: str
+    coordinates: tuple[str, ...]
+    axes: tuple[tuple[str, str], ...]
+    centre: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Handle:
+    """A point handle in a bone's head (paper, section 3.2). Handles of one ``joint`` move as one similarity."""
+
+    name: str
+    bone: str
+    joint: str
+    position: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Deformer:
+    """What moves skin: type 'rigid' rides on ``bones[0]``; 'forearm' twists between two bones.
+
+    For 'forearm', ``frames[0]`` rides on ``bones[0]`` (the ulna) and ``frames[1]`` on ``bones[1]`` (the radius).
+    """
+
+    name: str
+    type: DeformerType
+    bones: tuple[str, ...]
+    frames: tuple[Frame, ...] = ()
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers."""
+
+    name: str
+    side: Literal["right", "left"]
+    bones: tuple[Bone, ...]
+    joints: tuple[Joint, ...]  # parents come before their children
+    coordinates: tuple[Coordinate, ...]  # in the order of theta
+    handles: tuple[Handle, ...]
+    deformers: tuple[Deformer, ...]
+    landmark_names: tuple[str, ...]
+    landmarks: Floats = field(repr=False)  # (P, 3) m
+    landmark_handle_weights: Floats = field(repr=False)  # (P, H)
+    skin_vertices: Floats = field(repr=False)  # (V, 3) m
+    skin_faces: Ints = field(repr=False)  # (F, 3), closed
+    skin_handle_weights: Floats = field(repr=False)  # (V, H): bounded biharmonic, inside the limb
+    deformer_weights: Floats = field(repr=False)  # (V, D)
+    fit_weight: Floats = field(repr=False)  # (V,) in [0, 1]: how much a vertex counts in fitting
+    tetrahedra: dict[str, tuple[Floats, Ints]] = field(repr=False)  # "limb" and bone names: (N, 3) m, (T, 4)
+
+    def bone(self, name: str) -> Bone:
+        """The bone of that name. Raises AnatomyError with the valid names."""
+        return _named(self.bones, name, "bone")
+
+    def joint(self, name: str) -> Joint:
+        """The joint of that name. Raises AnatomyError with the valid names."""
+        return _named(self.joints, name, "joint")
+
+    def coordinate_index(self, name: str) -> int:
+        """Where a coordinate stands in theta. Raises AnatomyError with the valid names."""
+        return self.coordinates.index(_named(self.coordinates, name, "coordinate"))
+
+    def landmark_index(self, name: str) -> int:
+        """Where a landmark stands in p. Raises AnatomyError with the valid names."""
+        try:
+            return self.landmark_names.index(name)
+        except ValueError:
+            valid = ", ".join(self.landmark_names)
+            raise AnatomyError(f"no landmark {name!r}", where=self.name, remedy=f"use one of {valid}") from None
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_N = TypeVar("_N", bound=_Named)
+
+
+def _named(items: tuple[_N, ...], name: str, what: str) -> _N:
+    for item in items:
+        if item.name == name:
+            return item
+    valid = ", ".join(item.name for item in items)
+    raise AnatomyError(f"no {what} {name!r}", remedy=f"use one of {valid}")
+
+
+def save_anatomy(anatomy: Anatomy, path: Path) -> None:
+    """Write an anatomy as one ``.npz`` (numbers in single precision, the description as JSON text)."""
+    description = {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": anatomy.name,
+        "side": anatomy.side,
+        "bones": [{"name": bone.name, "frame": asdict(bone.frame)} for bone in anatomy.bones],
+        "joints": [asdict(joint) for joint in anatomy.joints],
+        "coordinates": [asdict(coordinate) for coordinate in anatomy.coordinates],
+        "handles": [asdict(handle) for handle in anatomy.handles],
+        "deformers": [asdict(deformer) for deformer in anatomy.deformers],
+        "landmark_names": list(anatomy.landmark_names),
+        "tetrahedra": list(anatomy.tetrahedra),
+    }
+    arrays: dict[str, NDArray[Any]] = {name: getattr(anatomy, name) for name in _ARRAYS}
+    for bone in anatomy.bones:
+        for part in _BONE_ARRAYS:
+            arrays[f"bone/{bone.name}/{part}"] = getattr(bone, part)
+    for name, (points, tets) in anatomy.tetrahedra.items():
+        arrays[f"tetrahedra/{name}/points"], arrays[f"tetrahedra/{name}/tets"] = points, tets
+    with replaced_when_complete(path) as partial:
+        narrow = {key: _narrow(array) for key, array in arrays.items()}
+        narrow["description"] = np.array(json.dumps(description))
+        np.savez_compressed(partial, allow_pickle=False, **narrow)
+
+
+def load_anatomy(name_or_path: str | Path) -> Anatomy:
+    """Read an anatomy that ships with the package (by name) or any ``.npz`` of the same format (by path).
+
+    Raises:
+        AnatomyError: no such anatomy, not an anatomy file, or a newer format version.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".npz":
+        path = Path(str(resources.files("adapt") / "templates" / f"{name_or_path}.npz"))
+    if not path.is_file():
+        known = sorted(p.stem for p in path.parent.glob("*.npz"))
+        raise AnatomyError(f"no anatomy {str(name_or_path)!r}", remedy=f"use one of {', '.join(known) or 'none'}")
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            description = json.loads(str(data["description"]))
+            _check_format(description, path)
+            arrays = {key: _widen(data[key]) for key in data.files if key != "description"}
+        return _from_parts(description, arrays)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise AnatomyError("not an anatomy file", where=path, remedy="build or download it again") from error
+
+
+_ARRAYS = (
+    "landmarks",
+    "landmark_handle_weights",
+    "skin_vertices",
+    "skin_faces",
+    "skin_handle_weights",
+    "deformer_weights",
+    "fit_weight",
+)
+_BONE_ARRAYS = ("vertices", "faces", "handle_weights")
+
+
+def _check_format(description: dict[str, Any], path: Path) -> None:
+    if description.get("format") != FORMAT:
+        raise AnatomyError("not an anatomy file", where=path)
+    if description["version"] > VERSION:
+        raise AnatomyError(
+            f"format version {description['version']} is newer than {VERSION}", where=path, remedy="update bonetrack"
+        )
+
+
+def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
+    bones = tuple(
+        Bone(b["name"], _frame(b["frame"]), *(arrays[f"bone/{b['name']}/{part}"] for part in _BONE_ARRAYS))
+        for b in description["bones"]
+    )
+    return Anatomy(
+        name=description["name"],
+        side=description["side"],
+        bones=bones,
+        joints=tuple(_joint(j) for j in description["joints"]),
+        coordinates=tuple(Coordinate(**c) for c in description["coordinates"]),
+        handles=tuple(Handle(**(h | {"position": tuple(h["position"])})) for h in description["handles"]),
+        deformers=tuple(_deformer(d) for d in description["deformers"]),
+        landmark_names=tuple(description["landmark_names"]),
+        tetrahedra={
+            name: (arrays[f"tetrahedra/{name}/points"], arrays[f"tetrahedra/{name}/tets"])
+            for name in description["tetrahedra"]
+        },
+        **{name: arrays[name] for name in _ARRAYS},
+    )
+
+
+def _frame(parts: dict[str, list[str]]) -> Frame:
+    return Frame(**{key: tuple(names) for key, names in parts.items()})
+
+
+def _joint(parts: dict[str, Any]) -> Joint:
+    axes = tuple((first, second) for first, second in parts["axes"])
+    return Joint(
+        **(parts | {"coordinates": tuple(parts["coordinates"]), "axes": axes, "centre": tuple(parts["centre"])})
+    )
+
+
+def _deformer(parts: dict[str, Any]) -> Deformer:
+    frames = tuple(_frame(frame) for frame in parts["frames"])
+    return Deformer(parts["name"], parts["type"], tuple(parts["bones"]), frames)
+
+
+def _narrow(array: NDArray[Any]) -> NDArray[Any]:
+    return array.astype(np.float32 if array.dtype.kind == "f" else np.int32)
+
+
+def _widen(array: NDArray[Any]) -> NDArray[Any]:
+    return array.astype(np.float64 if array.dtype.kind == "f" else np.int64)

@@ -1,0 +1,44 @@
+"""Frames as functions of landmarks (paper, section 3.1; the recipe is ISB's, see anatomy.Frame)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.model.variation import Motion, Points
+
+
+def landmark_mean(anatomy: Anatomy, p: Points, names: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """Mean of some landmarks: the point (3,) and its derivative (3, n)."""
+    index = [anatomy.landmark_index(name) for name in names]
+    return p.value[index].mean(axis=0), p.d[index].mean(axis=0)
+
+
+def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
+    """The frame C(p) as a motion from its own coordinates to those of the landmarks.
+
+    With u = y_to - y_from and w = z_to - z_from:  y = u / |u|,  z = (w - (w.y) y) / |...|,  x = y x z.
+    """
+    origin, d_origin = landmark_mean(anatomy, p, frame.origin)
+    u, du = _difference(anatomy, p, frame.y_from, frame.y_to)
+    w, dw = _difference(anatomy, p, frame.z_from, frame.z_to)
+    y, dy = unit(u, du)
+    across = w - (w @ y) * y
+    z = across / np.linalg.norm(across)
+    x = np.cross(y, z)
+    about_y = (x @ dw - (w @ y) * (x @ dy)) / np.linalg.norm(across)
+    d_rotation = np.cross(y, dy, axisb=0, axisc=0) + np.outer(y, about_y)
+    return Motion(np.column_stack([x, y, z]), origin, d_rotation, d_origin)
+
+
+def unit(u: Floats, du: Floats) -> tuple[Floats, Floats]:
+    """u / |u| (3,) and its derivative (3, n)."""
+    length = np.linalg.norm(u)
+    direction = u / length
+    return direction, (du - np.outer(direction, direction @ du)) / length
+
+
+def _difference(anatomy: Anatomy, p: Points, start: tuple[str, ...], end: tuple[str, ...]) -> tuple[Floats, Floats]:
+    first, d_first = landmark_mean(anatomy, p, start)
+    last, d_last = landmark_mean(anatomy, p, end)
+    return last - first, d_last - d_first

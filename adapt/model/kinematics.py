@@ -1,0 +1,20 @@
+"""The chain of joints: from theta and the landmarks to every bone's skinning transform (equation 1)."""
+
+from __future__ import annotations
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.joints import joint_motion
+from adapt.model.variation import Motion, Points, compose
+
+
+def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: int = 0) -> dict[str, Motion]:
+    """T_b(theta, p) of every bone, by name: the motion from its rest pose to its pose.
+
+    ``theta`` (rad, m) is in the order of ``anatomy.coordinates``; its derivative columns start at
+    ``first_column`` of the parameters that ``p`` varies with (p.n must leave room for them).
+    """
+    motions: dict[str, Motion] = {}
+    for joint in anatomy.joints:
+        motion = joint_motion(anatomy, joint, theta, p, first_column)
+        motions[joint.child] = motion if joint.parent is None else compose(motions[joint.parent], motion)
+    return motions

@@ -1,0 +1,1 @@
+"""Sensors, recordings, calibration, point clouds: everything that knows nothing of anatomy."""

@@ -1,0 +1,79 @@
+"""The one home of rigid transforms: SO(3) and SE(3) as plain arrays.
+
+A rotation is (..., 3, 3); a rigid transform is (4, 4) acting on column vectors, x' = T x. Frames stand in
+names: ``world_from_sensor`` maps sensor coordinates to world coordinates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_SMALL = 1e-4  # below this angle (rad) Taylor series replace the closed forms
+
+
+def hat(vector: Floats) -> Floats:
+    """The matrix of the cross product: ``hat(u) @ x == cross(u, x)``. Shapes (..., 3) -> (..., 3, 3).
+
+    >>> hat(np.array([1.0, 2.0, 3.0])) @ np.array([0.0, 0.0, 1.0])
+    array([ 2., -1.,  0.])
+    """
+    matrix = np.zeros((*vector.shape, 3))
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
+    matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
+    return matrix
+
+
+def exp_so3(rotation_vector: Floats) -> Floats:
+    """Rotation matrices of rotation vectors (rad): (..., 3) -> (..., 3, 3), Rodrigues' formula."""
+    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
+    k = hat(rotation_vector)
+    small = angle < _SMALL
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    return np.asarray(np.eye(3) + a * k + b * (k @ k))
+
+
+def log_so3(rotation: Floats) -> Floats:
+    """Rotation vector (rad, norm in [0, pi]) of one rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_rotvec())
+
+
+def left_jacobian_so3(rotation_vector: Floats) -> Floats:
+    """J with ``exp(r + dr) = exp(J dr) exp(r)`` to first order: (..., 3) -> (..., 3, 3)."""
+    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
+    k = hat(rotation_vector)
+    small = angle < _SMALL
+    safe = np.where(small, 1.0, angle)
+    b = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    c = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) + b * k + c * (k @ k))
+
+
+def transform(rotation: Floats, translation: Floats) -> Floats:
+    """The (4, 4) rigid transform of a rotation (3, 3) and a translation (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, translation
+    return matrix
+
+
+def inverse(rigid: Floats) -> Floats:
+    """Inverse of a rigid (4, 4) transform."""
+    rotation = rigid[:3, :3].T
+    return transform(rotation, -rotation @ rigid[:3, 3])
+
+
+def apply(rigid: Floats, points: Floats) -> Floats:
+    """Map points (N, 3) by a rigid (4, 4) transform."""
+    return points @ rigid[:3, :3].T + rigid[:3, 3]
+
+
+def rotation_angle(rotation: Floats) -> float:
+    """Angle (rad) of a rotation matrix (3, 3)."""
+    return float(np.linalg.norm(log_so3(rotation)))

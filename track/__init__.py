@@ -1,0 +1,1 @@
+"""A subject through time: tracking, joint angles, export, evaluation."""
