@@ -1,0 +1,205 @@
+"""Writing a recording folder frame by frame, so that one that was never finished cannot be mistaken for whole."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture import depth_png
+from capture._recording_read import open_recording
+from capture._recording_types import (
+    BOX_FRAMES_FILE,
+    CALIBRATION_FILE,
+    CALIBRATION_FORMAT,
+    FORMAT,
+    FRAMES_FILE,
+    HEADER_FILE,
+    TRUTH_FILE,
+    UNFINISHED_FILE,
+    VERSION,
+    Calibration,
+    Region,
+    Sensor,
+)
+from capture.errors import RecordingError
+from capture.files import replaced_when_complete
+
+_LARGEST_READING = 65535
+
+
+class RecordingWriter:
+    """Writes a recording; a context manager.
+
+    ``recording.json`` is written last, when the block ends without an error: until then a file of another name
+    marks the folder as unfinished, and ``open_recording`` says so. Frames reach the disk as they are added.
+
+    Args:
+        path: the folder to make.
+        sensors: what the sensors are; their frames are ignored (``add_frame`` gives them).
+        created_by: which program or person made the recording.
+        overwrite: replace a recording (finished or not) that stands there already.
+
+    Raises:
+        RecordingError: the folder holds something already and may not be replaced.
+    """
+
+    def __init__(
+        self, path: Path | str, *, sensors: Sequence[Sensor], created_by: str, overwrite: bool = False
+    ) -> None:
+        self.path = Path(path)
+        self._sensors = {sensor.name: sensor for sensor in sensors}
+        self._last_times: dict[tuple[str, str], tuple[int, float]] = {}
+        self._header: dict[str, Any] = {
+            "format": FORMAT,
+            "version": VERSION,
+            "created_by": created_by,
+            "sensors": [_sensor_entry(sensor) for sensor in sensors],
+            "box": None,
+            "region": None,
+        }
+        _make_room(self.path, overwrite=overwrite)
+
+    def __enter__(self) -> Self:
+        _write_json(self.path / UNFINISHED_FILE, self._header)
+        for name in self._sensors:
+            (self.path / name).mkdir(exist_ok=True)
+            (self.path / name / FRAMES_FILE).write_text("file,time_s\n", encoding="utf-8")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            return
+        _write_json(self.path / HEADER_FILE, self._header)
+        (self.path / UNFINISHED_FILE).unlink()
+        open_recording(self.path)
+
+    def add_frame(self, sensor: str, depth: NDArray[np.generic], time_s: float) -> None:
+        """Add the next frame of a sensor: (H, W), raw readings if uint16, metres if floating point.
+
+        In metres, values that are not finite, not positive or too large to be written become 0 (no reading).
+
+        Raises:
+            RecordingError: the image does not fit the camera, or time does not increase.
+        """
+        self._add(sensor, depth, time_s, list_name=FRAMES_FILE, prefix="")
+
+    def add_box_frame(self, sensor: str, depth: NDArray[np.generic], time_s: float) -> None:
+        """Add the next frame that shows the calibration box; as ``add_frame``."""
+        self._add(sensor, depth, time_s, list_name=BOX_FRAMES_FILE, prefix="box-")
+
+    def set_box(self, size_m: tuple[float, float, float]) -> None:
+        """Tell the size of the calibration box (m)."""
+        self._header["box"] = {"size_m": [float(side) for side in size_m]}
+
+    def set_region(self, region: Region) -> None:
+        """Tell where in the common frame the person is."""
+        self._header["region"] = {"min": list(map(float, region.minimum)), "max": list(map(float, region.maximum))}
+
+    def set_truth(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Keep the known truth of a simulated recording: arrays by name, units in the names."""
+        with replaced_when_complete(self.path / TRUTH_FILE) as partial:
+            np.savez_compressed(partial, allow_pickle=False, **dict(arrays))
+
+    def _add(self, name: str, depth: NDArray[np.generic], time_s: float, *, list_name: str, prefix: str) -> None:
+        sensor = self._sensors[name]
+        index, last = self._last_times.get((name, list_name), (0, -math.inf))
+        if not (math.isfinite(time_s) and time_s > last):
+            raise RecordingError(
+                f"frame {index}: time {time_s:g} s does not come after {last:g} s", where=self.path / name / list_name
+            )
+        readings = _readings(depth, sensor, where=self.path / name / list_name, index=index)
+        file = f"{prefix}{index:06d}.png"
+        depth_png.write_readings(self.path / name / file, readings)
+        with (self.path / name / list_name).open("a", encoding="utf-8") as frames:
+            if index == 0 and frames.tell() == 0:
+                frames.write("file,time_s\n")
+            frames.write(f"{file},{float(time_s)!r}\n")
+        self._last_times[name, list_name] = (index + 1, time_s)
+
+
+def write_calibration_file(path: Path, calibration: Calibration) -> None:
+    """Write the calibration of a recording into its folder ``path``."""
+    sensors = {
+        name: {
+            "world_from_sensor": sensor.world_from_sensor.tolist(),
+            "residual_mm": float(sensor.residual_mm),
+            **sensor.details,
+        }
+        for name, sensor in calibration.sensors.items()
+    }
+    content = {"format": CALIBRATION_FORMAT, "version": VERSION, "sensors": sensors}
+    _write_json(path / CALIBRATION_FILE, content)
+
+
+def _sensor_entry(sensor: Sensor) -> dict[str, Any]:
+    return {
+        "name": sensor.name,
+        "camera": asdict(sensor.camera),
+        "depth_unit_m": sensor.depth_unit_m,
+        "depth_range_m": list(sensor.depth_range_m),
+    }
+
+
+def _readings(depth: NDArray[np.generic], sensor: Sensor, *, where: Path, index: int) -> depth_png.Readings:
+    """Raw readings (H, W) of an image given as readings or in metres."""
+    camera = sensor.camera
+    if depth.shape != (camera.height, camera.width):
+        raise RecordingError(
+            f"frame {index}: expected an image of {camera.height} x {camera.width} values, got {depth.shape}",
+            where=where,
+        )
+    if depth.dtype == np.uint16:
+        return np.ascontiguousarray(depth, dtype=np.uint16)
+    if not np.issubdtype(depth.dtype, np.floating):
+        raise RecordingError(f"frame {index}: expected uint16 or floating point, got {depth.dtype}", where=where)
+    scaled = np.rint(depth.astype(np.float64) / sensor.depth_unit_m)
+    return np.where((scaled > 0.0) & (scaled <= _LARGEST_READING), scaled, 0.0).astype(np.uint16)
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    with replaced_when_complete(path) as partial:
+        partial.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _make_room(path: Path, *, overwrite: bool) -> None:
+    """Make the folder, or empty the recording that stands there of what the format names, and of nothing else."""
+    if path.exists() and not path.is_dir():
+        raise RecordingError("is a file, not a folder", where=path, remedy="give another name")
+    path.mkdir(parents=True, exist_ok=True)
+    if not any(path.iterdir()):
+        return
+    header = next((path / name for name in (HEADER_FILE, UNFINISHED_FILE) if (path / name).is_file()), None)
+    if header is None:
+        raise RecordingError(
+            "is not empty and not a recording, so it will not be replaced", where=path, remedy="give another folder"
+        )
+    if not overwrite:
+        raise RecordingError(
+            "holds a recording already", where=path, remedy="allow overwriting, or give another folder"
+        )
+    header = header.replace(path / UNFINISHED_FILE)  # from here on it is not whole any more
+    for name in _sensor_names(header):
+        for old in [*(path / name).glob("*.png"), path / name / FRAMES_FILE, path / name / BOX_FRAMES_FILE]:
+            old.unlink(missing_ok=True)
+    for name in (HEADER_FILE, CALIBRATION_FILE, TRUTH_FILE):
+        (path / name).unlink(missing_ok=True)
+
+
+def _sensor_names(header: Path) -> list[str]:
+    """Names of the sensors in a header that may be damaged: those that can safely be names of folders."""
+    try:
+        sensors = json.loads(header.read_text(encoding="utf-8"))["sensors"]
+        names = [str(sensor["name"]) for sensor in sensors]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [name for name in names if name == Path(name).name and name not in {"", ".", ".."}]

@@ -1,0 +1,217 @@
+"""Where the sensors of a recording stand, from images of a box of known size.
+
+Each sensor finds the box by itself. A box looks the same after half turns about its axes (and more, if sides are
+equal), so the sensors may mean different corners by the same words. What settles it is the recording itself: of all
+ways to read the box, only the true one lays what the sensors saw at the same instant onto each other.
+
+The common frame is the box's, as the first sensor reads it: origin at the box's centre, axes along its edges in the
+order of the stated size, the first sensor on the positive side of the first two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.box import BoxFit, find_box, symmetries
+from capture.camera import Camera, backproject, project
+from capture.errors import CalibrationError
+from capture.recording import (
+    Calibration,
+    FrameFile,
+    Recording,
+    Sensor,
+    SensorCalibration,
+    instants,
+    read_depth,
+    write_calibration_file,
+)
+from capture.rigid import Floats, apply, inverse, transform
+
+_NEAR_MEDIAN_M = 0.02  # readings farther from a pixel's median over the box frames are not averaged
+_INSTANTS = 12  # compared to settle the ambiguity
+_POINTS = 3000  # of each sensor at each instant
+_AGREEMENT_FLOOR_M, _AGREEMENT_GROWTH = 0.015, 0.003  # tolerance at depth z: floor + growth z^2
+_SILHOUETTE_PX = 5  # a reading missing nearer than this to others says nothing
+_FEW = 0.02  # of all points; so many must agree before a score means much
+_LEAST_SCORE, _LEAST_MARGIN = 0.3, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What one sensor sees at one instant: depth (H, W) m, some of its points (N, 3) m, surely empty pixels (H, W)."""
+
+    camera: Camera
+    depth: NDArray[np.float32]
+    points: Floats
+    empty: NDArray[np.bool_]
+    range_m: tuple[float, float]
+
+
+def calibrate_recording(recording: Recording) -> Calibration:
+    """Find where each sensor stands.
+
+    The details of each sensor's calibration: ``box_points``, ``box_faces``, ``face_angles_deg``,
+    ``measured_size_mm``, and ``ambiguity_margin``: by how much the chosen reading of the box beats the next best
+    (2 is the most there can be; the first sensor has none).
+
+    Raises:
+        CalibrationError: no stated box, no box frames, no box found (see ``capture.box``), or the recording does
+            not tell which way round the sensors see the box.
+    """
+    if recording.box_size_m is None:
+        raise CalibrationError(
+            "the recording does not say how large the calibration box is",
+            where=recording.path,
+            remedy="add its size to recording.json",
+        )
+    fits = {sensor.name: _fit(recording, sensor, recording.box_size_m) for sensor in recording.sensors}
+    poses, margins = _resolved(recording, fits, symmetries(recording.box_size_m))
+    return Calibration({name: _report(fit, poses[name], margins.get(name)) for name, fit in fits.items()})
+
+
+def write_calibration(recording: Recording, calibration: Calibration) -> None:
+    """Keep a calibration in the recording's folder, where ``open_recording`` finds it."""
+    write_calibration_file(recording.path, calibration)
+
+
+def averaged_depth(sensor: Sensor, frames: tuple[FrameFile, ...]) -> NDArray[np.float32]:
+    """One depth image (H, W) m of a scene that does not move; 0 where most frames have no reading.
+
+    A pixel is the mean of its readings near their median: the median alone would stay on the sensor's coarse steps.
+    """
+    stack = np.stack([read_depth(sensor, frame) for frame in frames])
+    stack[stack == 0.0] = np.nan
+    usual = np.count_nonzero(np.isfinite(stack), axis=0) * 2 > len(frames)
+    readings = stack[:, usual]
+    near = np.abs(readings - np.nanmedian(readings, axis=0)) < _NEAR_MEDIAN_M
+    # An even number of readings can have its median in a gap between two surfaces.
+    count, total = near.sum(axis=0), np.where(near, readings, 0.0).sum(axis=0)
+    depth = np.zeros(usual.shape, dtype=np.float32)
+    depth[usual] = np.where(count > 0, total / np.maximum(count, 1), 0.0)
+    return depth
+
+
+def _fit(recording: Recording, sensor: Sensor, size_m: tuple[float, float, float]) -> BoxFit:
+    where = recording.path / sensor.name
+    if not sensor.box_frames:
+        raise CalibrationError(
+            "there are no images of the calibration box", where=where, remedy="record the box with each sensor"
+        )
+    try:
+        return find_box(averaged_depth(sensor, sensor.box_frames).astype(np.float64), sensor.camera, size_m)
+    except CalibrationError as error:
+        raise CalibrationError(error.problem, where=where, remedy=error.remedy) from error
+
+
+def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None) -> SensorCalibration:
+    return SensorCalibration(
+        world_from_sensor,
+        residual_mm=1000.0 * fit.residual_m,
+        details={
+            "box_points": fit.points,
+            "box_faces": fit.faces,
+            "face_angles_deg": list(fit.face_angles_deg),
+            "measured_size_mm": [1000.0 * side for side in fit.measured_size_m],
+            "ambiguity_margin": margin,
+        },
+    )
+
+
+def _resolved(
+    recording: Recording, fits: Mapping[str, BoxFit], readings: list[Floats]
+) -> tuple[dict[str, Floats], dict[str, float]]:
+    """World from sensor (4, 4) by name, one sensor after the other, and the margins of the decisions."""
+    first, *others = recording.sensors
+    poses = {first.name: fits[first.name].box_from_sensor}
+    margins: dict[str, float] = {}
+    if not others:
+        return poses, margins
+    looks = _looks(recording)
+    for sensor in others:
+        candidates = [transform(turn, np.zeros(3)) @ fits[sensor.name].box_from_sensor for turn in readings]
+        scores = [_score(looks, sensor.name, candidate, poses) for candidate in candidates]
+        ranked = np.argsort(scores)[::-1]
+        best, margin = int(ranked[0]), float(scores[ranked[0]] - scores[ranked[1]])
+        if scores[best] < _LEAST_SCORE or margin < _LEAST_MARGIN:
+            raise CalibrationError(
+                f"which way round sensor {sensor.name!r} sees the box cannot be decided: of {len(scores)} ways the "
+                f"best agrees with the other sensors by {scores[best]:.2f}, the next by {scores[ranked[1]]:.2f}",
+                where=recording.path,
+                remedy="record the person moving in view of all sensors at once",
+            )
+        poses[sensor.name], margins[sensor.name] = candidates[best], margin
+    return poses, margins
+
+
+def _looks(recording: Recording) -> list[dict[str, _Look]]:
+    """What the sensors saw at some instants, spread over the recording, at which at least two saw something."""
+    if not any(sensor.frames for sensor in recording.sensors):
+        shared = []
+    else:
+        shared = [instant for instant in instants(recording) if len(instant.frames) > 1]
+    if not shared:
+        raise CalibrationError(
+            "the box alone does not tell which way round each sensor sees it, and no frames of two sensors are from "
+            "the same time",
+            where=recording.path,
+            remedy="record the person with all sensors at once",
+        )
+    chosen = np.unique(np.linspace(0, len(shared) - 1, _INSTANTS).round().astype(int))
+    return [
+        {name: _look(recording.sensor(name), frame) for name, frame in shared[index].frames.items()} for index in chosen
+    ]
+
+
+def _look(sensor: Sensor, frame: FrameFile) -> _Look:
+    depth = read_depth(sensor, frame)
+    points = backproject(sensor.camera, depth)
+    points = points[np.isfinite(points[..., 2])]
+    window = np.ones((2 * _SILHOUETTE_PX + 1,) * 2, np.uint8)
+    empty = cv2.dilate((depth > 0.0).astype(np.uint8), window) == 0
+    return _Look(
+        sensor.camera, depth, points[:: max(1, len(points) // _POINTS)], np.asarray(empty), sensor.depth_range_m
+    )
+
+
+def _score(looks: list[dict[str, _Look]], name: str, pose: Floats, poses: Mapping[str, Floats]) -> float:
+    """How well a sensor at ``pose`` (4, 4) fits those at ``poses``, in [-1, 1]: (a - c) / (a + c + few).
+
+    Of the points compared, a agree and c contradict; ``few`` keeps a handful of points from deciding. Points that say
+    nothing do not count: else a reading that makes two sensors look from the same side, where all is seen by both,
+    would beat the true one.
+    """
+    agreeing = contradicting = total = 0
+    for look in looks:
+        for other in poses.keys() & look.keys() if name in look else ():
+            other_from_this = inverse(poses[other]) @ pose
+            for seen, by, by_from_seen in (
+                (look[name], look[other], other_from_this),
+                (look[other], look[name], inverse(other_from_this)),
+            ):
+                agree, contradict = _compared(seen, by, by_from_seen)
+                agreeing, contradicting, total = agreeing + agree, contradicting + contradict, total + len(seen.points)
+    return (agreeing - contradicting) / max(agreeing + contradicting + _FEW * total, 1.0)
+
+
+def _compared(seen: _Look, by: _Look, by_from_seen: Floats) -> tuple[int, int]:
+    """How many points one sensor saw that the other saw too, and how many where the other saw through them.
+
+    Points hidden behind what the other saw, out of its image or out of its range say nothing.
+    """
+    pixels, depth = project(by.camera, apply(by_from_seen, seen.points))
+    near, far = by.range_m
+    usable = (depth > near) & (depth < far)
+    column, row = np.rint(pixels[usable]).astype(int).T
+    depth = depth[usable]
+    inside = (column >= 0) & (column < by.camera.width) & (row >= 0) & (row < by.camera.height)
+    column, row, depth = column[inside], row[inside], depth[inside]
+    measured = by.depth[row, column]
+    tolerance = _AGREEMENT_FLOOR_M + _AGREEMENT_GROWTH * depth**2
+    agree = (measured > 0.0) & (np.abs(depth - measured) < tolerance)
+    through = ((measured > 0.0) & (depth < measured - tolerance)) | by.empty[row, column]
+    return int(agree.sum()), int(through.sum())

@@ -1,0 +1,194 @@
+"""The command line of the capture package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from capture.console import stdout
+from capture.errors import RecordingError
+
+if TYPE_CHECKING:
+    from capture.camera import Camera
+    from capture.recording import Recording, Region
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_PATH = click.Path(path_type=Path)
+
+
+def region_option(command: Command) -> Command:
+    """Add the option ``--region``; ``as_region`` turns its value into a Region."""
+    option = click.option(
+        "--region",
+        nargs=6,
+        type=float,
+        default=None,
+        metavar="X0 Y0 Z0 X1 Y1 Z1",
+        help="Use only what is inside this box of the common frame (m), not the recording's or an automatic box.",
+    )
+    return option(command)
+
+
+def as_region(values: tuple[float, ...] | None) -> Region | None:
+    """The region of six numbers: smallest x, y, z, then largest (m).
+
+    Raises:
+        click.BadParameter: a smallest coordinate is not below its largest.
+    """
+    if values is None:
+        return None
+    import numpy as np
+
+    from capture.recording import Region
+
+    minimum, maximum = np.array(values[:3]), np.array(values[3:])
+    if not (minimum < maximum).all():
+        raise click.BadParameter("the first three numbers must be below the last three", param_hint="--region")
+    return Region(minimum, maximum)
+
+
+@click.command("import")
+@click.argument("source", type=_PATH)
+@click.option("--out", required=True, type=_PATH, help="The recording folder to make.")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["png", "raw"]),
+    default=None,
+    help="16-bit PNG images, or raw 16-bit little-endian readings [default: png if SOURCE has PNG images].",
+)
+@click.option("--pattern", default=None, help="Which files of a folder, such as 'depth-*' [default: *.png, or *].")
+@click.option("--width", type=click.IntRange(1, 16384), default=640, show_default=True, help="Columns of a raw image.")
+@click.option("--height", type=click.IntRange(1, 16384), default=480, show_default=True, help="Rows of a raw image.")
+@click.option("--fx", type=click.FloatRange(0, min_open=True), required=True, help="Focal length (px).")
+@click.option(
+    "--fy", type=click.FloatRange(0, min_open=True), default=None, help="The same down the image [default: fx]."
+)
+@click.option("--cx", type=float, default=None, help="Principal point (px) [default: the image's middle].")
+@click.option("--cy", type=float, default=None, help="Principal point (px) [default: the image's middle].")
+@click.option("--distortion", default="", help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
+@click.option(
+    "--unit-mm",
+    type=click.FloatRange(0, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="One reading's unit (mm).",
+)
+@click.option(
+    "--fps", type=click.FloatRange(0, min_open=True), default=30.0, show_default=True, help="Nominal frame rate (Hz)."
+)
+@click.option("--sensor", default="sensor", show_default=True, help="The sensor's name.")
+@click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
+def import_command(
+    source: Path,
+    out: Path,
+    kind: str | None,
+    pattern: str | None,
+    width: int,
+    height: int,
+    fx: float,
+    fy: float | None,
+    cx: float | None,
+    cy: float | None,
+    distortion: str,
+    unit_mm: float,
+    fps: float,
+    sensor: str,
+    overwrite: bool,
+) -> None:
+    """Make a recording of SOURCE: depth images of one sensor, a file or a folder of them."""
+    from capture.camera import Camera
+    from capture.depth_png import image_size
+    from capture.importers import import_png, import_raw, natural_order, source_files
+
+    if kind is None:
+        kind = "png" if source.suffix.lower() == ".png" or any(source.glob("*.png")) else "raw"
+    files = natural_order(source_files(source, pattern or ("*.png" if kind == "png" else "*")))
+    if kind == "png":
+        width, height = image_size(files[0])
+    camera = Camera(
+        width=width,
+        height=height,
+        fx=fx,
+        fy=fx if fy is None else fy,
+        cx=(width - 1) / 2.0 if cx is None else cx,
+        cy=(height - 1) / 2.0 if cy is None else cy,
+        distortion=_distortion(distortion),
+    )
+    bring_in = import_png if kind == "png" else import_raw
+    recording = bring_in(
+        files, out, camera=camera, depth_unit_m=unit_mm / 1000.0, fps=fps, sensor_name=sensor, overwrite=overwrite
+    )
+    _print_imported(recording, camera, fps)
+
+
+def _distortion(text: str) -> tuple[float, ...]:
+    from capture.camera import DISTORTION_LENGTHS
+
+    try:
+        values = tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is not a list of numbers", param_hint="--distortion") from None
+    if len(values) not in DISTORTION_LENGTHS:
+        raise click.BadParameter(f"expected 4, 5, 8, 12 or 14 numbers, got {len(values)}", param_hint="--distortion")
+    return values
+
+
+def _print_imported(recording: Recording, camera: Camera, fps: float) -> None:
+    (sensor,) = recording.sensors
+    stdout.print(
+        f"{recording.path}: {len(sensor.frames)} frames of {camera.width} x {camera.height} px, "
+        f"unit {sensor.depth_unit_m * 1000:g} mm, times by a nominal rate of {fps:g} Hz",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+@click.command("calibrate")
+@click.argument("recording", type=_PATH)
+def calibrate_command(recording: Path) -> None:
+    """Find where the sensors of RECORDING stand, from its images of the calibration box."""
+    from rich.table import Table
+
+    from capture.calibrate import calibrate_recording, write_calibration
+    from capture.recording import open_recording
+
+    opened = open_recording(recording)
+    with stdout.status("calibrating"):
+        calibration = calibrate_recording(opened)
+    write_calibration(opened, calibration)
+    table = Table("sensor", "residual (mm)", "stands at x, y, z (m)")
+    for name, sensor in calibration.sensors.items():
+        position = "  ".join(f"{x:+.3f}" for x in sensor.world_from_sensor[:3, 3])
+        table.add_row(name, f"{sensor.residual_mm:.2f}", position)
+    stdout.print(table)
+
+
+@click.command("fuse")
+@click.argument("recording", type=_PATH)
+@click.option("--frame", type=click.IntRange(0), required=True, help="Which instant, counted from 0.")
+@click.option("--out", type=_PATH, required=True, help="The point cloud to write (.ply).")
+@region_option
+def fuse_command(recording: Path, frame: int, out: Path, region: tuple[float, ...] | None) -> None:
+    """Write the point cloud of one instant of RECORDING: cleaned, culled, with normals."""
+    from capture.fuse import fuse, write_ply
+    from capture.recording import instants, open_recording
+
+    opened = open_recording(recording)
+    every = instants(opened)
+    if frame >= len(every):
+        raise RecordingError(f"has no frame {frame}", where=recording, remedy=f"its frames are 0 to {len(every) - 1}")
+    cloud = fuse(opened, every[frame], region=as_region(region))
+    write_ply(cloud, out)
+    if opened.common_frame_is_sensor:
+        stdout.print("not calibrated: coordinates are the sensor's own (x right, y down, z forward)", highlight=False)
+    stdout.print(
+        f"{out}: {len(cloud.points)} points from {len(cloud.views)} sensor(s) at {every[frame].time_s:.3f} s, "
+        f"{cloud.boundary.mean():.0%} on the scan's boundary",
+        highlight=False,
+        soft_wrap=True,
+    )

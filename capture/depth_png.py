@@ -1,0 +1,110 @@
+"""16-bit grey PNG images of depth readings, read with more suspicion than image libraries have.
+
+A decoder may return a partly filled image for a truncated or damaged file, and believes whatever size the header
+claims. So the header, every chunk's checksum and the end are checked here before anything is decoded.
+Source of the layout: the PNG specification (W3C), sections 5 and 11.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import RecordingError
+from capture.files import replaced_when_complete
+
+Readings = NDArray[np.uint16]
+
+LARGEST_SIDE = 16384
+"""No depth sensor has more rows or columns than this."""
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_GREY = 0
+_DAMAGED = "record or copy it again, or remove it from the list of frames"
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height (px) that the header of a 16-bit grey PNG claims, without decoding it.
+
+    Raises:
+        RecordingError: missing, not a PNG, not 16-bit grey, or of an impossible size.
+    """
+    return _claimed_size(_bytes(path, 33), path)
+
+
+def read_readings(path: Path, *, width: int, height: int) -> Readings:
+    """The raw readings (height, width) of one image file.
+
+    Raises:
+        RecordingError: missing, truncated, damaged, not 16-bit grey, or not of the size asked for.
+    """
+    data = _bytes(path)
+    claimed = _claimed_size(data, path)
+    if claimed != (width, height):
+        raise RecordingError(
+            f"is {claimed[0]} x {claimed[1]} px, but the camera has {width} x {height}",
+            where=path,
+            remedy="give the camera of this very image size",
+        )
+    _check_chunks(data, path)
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16 or image.shape != (height, width):
+        raise RecordingError("cannot be decoded as a 16-bit grey PNG", where=path, remedy=_DAMAGED)
+    return np.asarray(image)
+
+
+def write_readings(path: Path, readings: Readings) -> None:
+    """Write readings (H, W) uint16 as a PNG that never stands half-written under its name."""
+    done, encoded = cv2.imencode(".png", readings)
+    if not done:
+        raise RecordingError("could not be encoded as PNG", where=path)
+    with replaced_when_complete(path) as partial:
+        partial.write_bytes(encoded.tobytes())
+
+
+def _bytes(path: Path, count: int = -1) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(count)
+    except OSError as error:
+        raise RecordingError(f"cannot be read ({error.strerror})", where=path) from error
+
+
+def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:
+    if not data:
+        raise RecordingError("is an empty file", where=path, remedy=_DAMAGED)
+    if data[:8] != _SIGNATURE:
+        raise RecordingError("is not a PNG file", where=path, remedy="depth frames are 16-bit grey PNG images")
+    if len(data) < 33 or data[12:16] != b"IHDR":
+        raise RecordingError("is truncated or damaged (its header is not whole)", where=path, remedy=_DAMAGED)
+    width, height, bits, colour = struct.unpack(">IIBB", data[16:26])
+    if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE):
+        raise RecordingError(f"claims an impossible size of {width} x {height} px", where=path, remedy=_DAMAGED)
+    if bits != 16 or colour != _GREY:
+        kind = "grey" if colour == _GREY else "colour"
+        raise RecordingError(
+            f"is a {bits}-bit {kind} PNG", where=path, remedy="depth frames are 16-bit PNG images with one grey channel"
+        )
+    return int(width), int(height)
+
+
+def _check_chunks(data: bytes, path: Path) -> None:
+    """Walk the chunks (length, type, content, CRC) up to IEND."""
+    at = len(_SIGNATURE)
+    while True:
+        if at + 12 > len(data):
+            raise RecordingError("is truncated: the image's end is missing", where=path, remedy=_DAMAGED)
+        length = int.from_bytes(data[at : at + 4], "big")
+        end = at + 12 + length
+        if end > len(data):
+            raise RecordingError("is truncated: the image's end is missing", where=path, remedy=_DAMAGED)
+        if zlib.crc32(data[at + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
+            raise RecordingError("is damaged (a checksum does not match)", where=path, remedy=_DAMAGED)
+        if data[at + 4 : at + 8] == b"IEND":
+            return
+        at = end

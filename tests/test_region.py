@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+from capture.camera import Camera
+from capture.errors import CloudError
+from capture.recording import RecordingWriter, Sensor, open_recording
+from capture.region import automatic_region, largest_plane, person_points
+from tests.analytic_depth import plane, quantised, sphere
+from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, write_limb
+
+CAMERA = Camera(320, 240, 260.0, 260.0, 159.5, 119.5)
+SENSOR = Sensor("s", CAMERA)
+
+
+def scene(*surfaces):
+    """The nearest of several depth images (0 = nothing)."""
+    stack = np.stack([np.where(surface > 0, surface, np.inf) for surface in surfaces])
+    nearest = stack.min(axis=0)
+    return quantised(np.where(np.isfinite(nearest) & (nearest < 4.0), nearest, 0.0))
+
+
+def ball(x, y, z, radius):
+    return sphere(CAMERA, np.array([x, y, z]), radius)
+
+
+FLOOR = plane(CAMERA, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.8, 1.0]))
+WALL = plane(CAMERA, np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 2.5]))
+
+
+def test_a_limb_that_is_alone_in_view_is_found_with_a_margin(tmp_path):
+    region = automatic_region(write_limb(tmp_path / "rec"))
+    ends = np.array([-1.0, 1.0])[:, None] * HALF_LENGTH * AXIS
+    assert (region.minimum < ends.min(axis=0)).all()
+    assert (region.maximum > ends.max(axis=0)).all()
+    assert (region.maximum - region.minimum < 2 * (HALF_LENGTH + RADIUS) + 0.25).all()
+
+
+def test_floor_and_wall_are_not_the_person():
+    points = person_points(scene(FLOOR, WALL, ball(0.0, 0.0, 1.5, 0.25)), SENSOR)
+    assert len(points)
+    assert np.abs(np.linalg.norm(points - [0.0, 0.0, 1.5], axis=1) - 0.25).max() < 0.02
+
+
+def test_a_fist_towards_the_sensor_belongs_to_the_person():
+    points = person_points(scene(ball(0.0, 0.0, 1.5, 0.25), ball(0.0, 0.1, 0.9, 0.05)), SENSOR)
+    assert points[:, 2].min() < 0.9
+    assert points[:, 2].max() > 1.3
+
+
+def test_somebody_behind_is_left_out():
+    points = person_points(scene(ball(-0.3, 0.0, 1.4, 0.25), ball(0.5, 0.0, 2.6, 0.3)), SENSOR)
+    assert points[:, 2].max() < 1.6
+
+
+def test_a_recording_of_an_empty_room_is_an_error(tmp_path):
+    with RecordingWriter(tmp_path / "rec", sensors=[SENSOR], created_by="test") as writer:
+        writer.add_frame("s", scene(WALL), 0.0)
+    with pytest.raises(CloudError, match=r"rec: no person found .* 0\.00 s"):
+        automatic_region(open_recording(tmp_path / "rec"))
+
+
+def test_the_plane_with_the_most_points_is_found():
+    random = np.random.default_rng(2)
+    on_plane = np.column_stack([random.uniform(-1, 1, (400, 2)), 0.5 + random.normal(0, 0.003, 400)])
+    found = largest_plane(np.concatenate([on_plane, random.uniform(-1, 1, (300, 3))]))
+    np.testing.assert_allclose(found * np.sign(found[2]), [0.0, 0.0, 1.0, -0.5], atol=0.02)
