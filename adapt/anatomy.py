@@ -59,7 +59,7 @@ class Frame:
     z_to: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bone:
     """A rigid body: one bone, or several that move as one."""
 
@@ -112,9 +112,12 @@ class Deformer:
     frames: tuple[Frame, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers."""
+    """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers.
+
+    Compared by identity, so that what is prepared from an anatomy can be cached.
+    """
 
     name: str
     side: Literal["right", "left"]

@@ -21,7 +21,7 @@ from capture.errors import AnatomyError
 from capture.rigid import log_so3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """An anatomy with its proportions (shape) and its template skin (v_hat): everything but the pose."""
 

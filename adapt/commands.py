@@ -1,0 +1,85 @@
+"""The command line of the adapt package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from capture.commands import region_option
+from capture.console import stdout
+
+
+@click.command("adapt")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--anatomy", required=True, help="The limb, such as upper-limb-right.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The subject file to write (.npz).")
+@click.option("--poses", default=6, show_default=True, help="Number of example poses, 4 to 8.")
+@click.option("--frames", default=None, help="Frames to adapt to, such as 0,12,40,77, instead of the automatic choice.")
+@click.option(
+    "--first-poses",
+    default=None,
+    type=click.Path(path_type=Path),
+    help="CSV with a column `frame` and coordinates (rad, m): first poses instead of the automatic search.",
+)
+@region_option
+def adapt_command(
+    recording: Path,
+    anatomy: str,
+    out: Path,
+    poses: int,
+    frames: str | None,
+    first_poses: Path | None,
+    region: tuple[float, ...] | None,
+) -> None:
+    """Adapt an anatomy to the person in RECORDING."""
+    from adapt.anatomy import load_anatomy
+    from adapt.fit.first_poses import read_first_poses
+    from adapt.fit.recording import adapt_recording
+    from adapt.subject import save_subject
+    from capture.commands import as_region
+    from capture.recording import open_recording
+
+    template = load_anatomy(anatomy)
+    opened = open_recording(recording)
+    chosen = _frame_numbers(frames)
+    given = read_first_poses(first_poses, template) if first_poses else None
+    with stdout.status("adapting") as status:
+        subject = adapt_recording(
+            opened,
+            template,
+            poses=poses,
+            frames=chosen,
+            first_poses=given,
+            region=as_region(region),
+            progress=status.update,
+        )
+    save_subject(subject, out)
+    print_subject(subject.report, out)
+
+
+def print_subject(report: dict, out: Path) -> None:  # type: ignore[type-arg]
+    """A short summary of how the adaptation went."""
+    from rich.table import Table
+
+    table = Table("time (s)", "matched vertices", "median distance (mm)", "coverage", title="example poses")
+    for pose in report["poses"]:
+        table.add_row(
+            f"{pose['time_s']:.2f}",
+            str(pose["matches"]),
+            f"{pose['median_distance_mm']:.2f}",
+            f"{100 * pose['coverage']:.0f} %",
+        )
+    stdout.print(table)
+    if report["landmarks_never_shown"]:
+        stdout.print(f"never seen in any pose: {', '.join(report['landmarks_never_shown'])}")
+    stdout.print(f"subject written to {out}")
+
+
+def _frame_numbers(text: str | None) -> list[int] | None:
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise click.BadParameter("give whole numbers separated by commas", param_hint="--frames") from None

@@ -1,0 +1,72 @@
+"""Algorithm 4: shape and poses, then the skin, and again (paper, section 3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from adapt.anatomy import Floats
+from adapt.fit.correspondences import Target
+from adapt.fit.pose import PoseFit, fit_pose, match_pose
+from adapt.fit.sample import sample_skin
+from adapt.fit.shape import fit_shape
+from adapt.fit.skin import fit_skin
+from adapt.model.body import Body
+
+_OUTER_ROUNDS = 3
+_SKIN_UPDATES = 3
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """An adapted body, its K example poses and how well each is explained."""
+
+    body: Body
+    fits: list[PoseFit]
+    covariance: Floats = field(repr=False)  # (m, m) of the shape
+
+    @property
+    def thetas(self) -> Floats:
+        """Example poses (K, n)."""
+        return np.array([fit.theta for fit in self.fits])
+
+
+def adapt_body(
+    body: Body,
+    targets: list[Target],
+    thetas: Floats,
+    *,
+    outer_rounds: int = _OUTER_ROUNDS,
+    optimise_skin: bool = True,
+    progress: Progress = lambda _: None,
+) -> Adaptation:
+    """Adapt ``body`` to K clouds from first poses ``thetas`` (K, n).
+
+    Raises:
+        FitError: a pose finds too few correspondences.
+    """
+    sample = sample_skin(body.anatomy)
+    covariance = np.zeros((len(body.shape), len(body.shape)))
+    for outer in range(outer_rounds):
+        progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
+        fitted = fit_shape(body, targets, thetas, sample)
+        body, thetas, covariance = fitted.body, fitted.thetas, fitted.covariance
+        if not optimise_skin:
+            continue
+        progress(f"round {outer + 1} of {outer_rounds}: skin")
+        for _ in range(_SKIN_UPDATES):
+            matches = []
+            for target, theta in zip(targets, thetas, strict=True):
+                wide = match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M)
+                matches.append(wide)
+            body = fit_skin(body, thetas, matches, sample)
+    progress("final poses")
+    fits = [fit_pose(body, target, theta, sample) for target, theta in zip(targets, thetas, strict=True)]
+    return Adaptation(body, fits, covariance)
+
+
+_SKIN_GATE_M = 0.02

@@ -1,0 +1,99 @@
+"""find_corres (paper, section 3.3): for each skin vertex a target in the cloud, or none.
+
+A vertex gets no target when the nearest point that an eligible sensor saw is farther than the gate, when the
+normals disagree, when the target lies on the scan's boundary, or when no sensor can see the vertex.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from adapt.anatomy import Floats, Ints
+from capture.camera import project
+from capture.fuse import Cloud, View
+from capture.rigid import apply, inverse
+
+GATE_M = 0.04  # the paper's 4 cm
+_FACING = 0.2  # cosine between normal and line of sight below which a sensor sees a vertex too obliquely
+_OCCLUDED_M = 0.03  # something measured this much nearer than the vertex hides it
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """M matches in the cloud's frame.
+
+    Vertex index (M,), target point and its normal (M, 3), and how far (m) the vertex stood from its target along
+    that normal when they were matched (M,).
+    """
+
+    vertex: Ints
+    target: Floats
+    normal: Floats
+    distance: Floats
+
+    def __len__(self) -> int:
+        return len(self.vertex)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A cloud prepared for many searches: one tree per sensor."""
+
+    cloud: Cloud
+
+    @cached_property
+    def parts(self) -> list[tuple[View, Ints, cKDTree]]:
+        """View, indices of its points in the cloud, and their tree; sensors that saw nothing are left out."""
+        parts = []
+        for number, view in enumerate(self.cloud.views):
+            index: Ints = np.flatnonzero(self.cloud.sensor == number)
+            if len(index):
+                parts.append((view, index, cKDTree(self.cloud.points[index])))
+        return parts
+
+
+def visible_from(view: View, vertices: Floats, normals: Floats) -> NDArray[np.bool_]:
+    """Which vertices (N, 3) with unit normals the view's sensor can see.
+
+    The vertex must face the sensor, lie inside its image, and not be hidden by something measured nearer.
+    """
+    sensor = view.world_from_sensor[:3, 3]
+    sight = sensor - vertices
+    facing = np.einsum("ij,ij->i", normals, sight) > _FACING * np.linalg.norm(sight, axis=1)
+    uv, z = project(view.camera, apply(inverse(view.world_from_sensor), vertices))
+    pixel = np.rint(np.nan_to_num(uv, nan=-1.0)).astype(np.int64)
+    height, width = view.depth.shape
+    inside = (z > 0.0) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
+    measured = view.depth[np.where(inside, pixel[:, 1], 0), np.where(inside, pixel[:, 0], 0)]
+    hidden = (measured > 0.0) & (measured < z - _OCCLUDED_M)
+    return np.asarray(facing & inside & ~hidden)
+
+
+def find_corres(
+    target: Target, vertices: Floats, normals: Floats, eligible: Ints, *, gate_m: float = GATE_M
+) -> Correspondences:
+    """Targets for the posed skin ``vertices`` (V, 3) with unit ``normals``; only ``eligible`` vertices (indices).
+
+    Each vertex takes the nearest point among the sensors that can see it.
+    """
+    best = np.full(len(eligible), np.inf)
+    match = np.full(len(eligible), -1, dtype=np.int64)
+    points, facing = vertices[eligible], normals[eligible]
+    for view, index, tree in target.parts:
+        seen = np.flatnonzero(visible_from(view, points, facing))
+        distance, nearest = tree.query(points[seen], distance_upper_bound=gate_m)
+        closer = distance < best[seen]
+        best[seen[closer]] = distance[closer]
+        match[seen[closer]] = index[nearest[closer]]
+    cloud = target.cloud
+    kept = match >= 0
+    kept[kept] = ~cloud.boundary[match[kept]]
+    kept[kept] = np.einsum("ij,ij->i", facing[kept], cloud.normals[match[kept]]) > 0.0
+    points, match = points[kept], match[kept]
+    apart = np.einsum("ij,ij->i", cloud.normals[match], points - cloud.points[match])
+    return Correspondences(eligible[kept], cloud.points[match], cloud.normals[match], apart)

@@ -1,0 +1,76 @@
+"""Levenberg-Marquardt on normal equations, and the data term that all fitting steps share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from adapt.anatomy import Floats
+from adapt.fit.correspondences import Correspondences
+from adapt.model.variation import Points
+
+PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point (paper, section 3.3)
+SIGMA_M = 0.003  # what one independent patch of surface disagrees by, sensor noise and model together
+PATCH_M2 = 0.03**2  # errors of neighbouring points are alike: this much skin counts as one observation
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """A sum of squares near a point: energy 0.5 |r|^2, its gradient J^T r and Gauss-Newton matrix J^T J."""
+
+    energy: float
+    gradient: Floats
+    hessian: Floats
+
+    def __add__(self, other: Quadratic) -> Quadratic:
+        return Quadratic(self.energy + other.energy, self.gradient + other.gradient, self.hessian + other.hessian)
+
+
+def data_term(skin: Points, matches: Correspondences, weights: Floats) -> Quadratic:
+    """Energy of matched skin points (the M matched vertices, in order, with derivatives (M, 3, n)).
+
+    0.5 sum_i w_i [10 (n_i . (v_i - t_i))^2 + |v_i - t_i|^2] / (11 sigma^2), with w_i (M,) the number of
+    independent observations that the vertex stands for.
+    """
+    scale = np.sqrt(weights / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2))
+    difference = skin.value - matches.target
+    along = np.sqrt(PLANE_WEIGHT) * scale
+    plane_residual = along * np.einsum("ij,ij->i", matches.normal, difference)
+    plane_rows = along[:, None] * np.matmul(matches.normal[:, None, :], skin.d)[:, 0]
+    point_residual = (scale[:, None] * difference).ravel()
+    point_rows = (scale[:, None, None] * skin.d).reshape(len(point_residual), -1)
+    return Quadratic(
+        0.5 * float(plane_residual @ plane_residual + point_residual @ point_residual),
+        plane_rows.T @ plane_residual + point_rows.T @ point_residual,
+        plane_rows.T @ plane_rows + point_rows.T @ point_rows,
+    )
+
+
+def gaussian_term(x: Floats, mean: Floats, precision: Floats) -> Quadratic:
+    """A Gaussian prior: 0.5 (x - mean)^T precision (x - mean)."""
+    pull = precision @ (x - mean)
+    return Quadratic(0.5 * float((x - mean) @ pull), pull, precision)
+
+
+def levenberg_marquardt(
+    evaluate: Callable[[Floats], Quadratic], start: Floats, *, steps: int = 5, tolerance: float = 1e-4
+) -> Floats:
+    """Minimise a sum of squares from ``start`` (n,) in at most ``steps`` accepted or rejected steps.
+
+    Stops early when a step lowers the energy by less than the fraction ``tolerance``.
+    """
+    x, here, damping = start, evaluate(start), 1e-4
+    for _ in range(steps):
+        diagonal = np.maximum(np.diag(here.hessian), 1e-9)
+        candidate = x - np.linalg.solve(here.hessian + damping * np.diag(diagonal), here.gradient)
+        there = evaluate(candidate)
+        if there.energy >= here.energy:
+            damping *= 10.0
+            continue
+        gain = here.energy - there.energy
+        x, here, damping = candidate, there, damping / 5.0
+        if gain < tolerance * here.energy:
+            break
+    return x

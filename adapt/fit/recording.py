@@ -1,0 +1,217 @@
+"""From a recording to a subject, without a hand on it: first poses, example poses, algorithm 4.
+
+Every automatic choice can be overridden: the frames to adapt to, and their first poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.alternate import Adaptation, Progress, adapt_body
+from adapt.fit.correspondences import Target
+from adapt.fit.examples import choose_examples, landmarks_shown
+from adapt.fit.pose import PoseFit, fit_pose
+from adapt.fit.sample import SkinSample, sample_skin
+from adapt.fit.shape import fit_shape
+from adapt.fit.start import ScoredPose, find_pose, score_pose
+from adapt.model.body import Body, make_body
+from adapt.subject import Subject
+from capture.errors import BonetrackError, CloudError, FitError
+from capture.fuse import Region, fuse
+from capture.recording import Instant, Recording, instants
+
+FEWEST_POSES = 4
+MOST_POSES = 8
+DEFAULT_POSES = 6
+_CANDIDATES = 24  # frames looked at when choosing example poses
+_GOOD_M, _GOOD_COVERAGE = 0.006, 0.9  # a pose carried over from the last frame that is as good needs no search
+_CLEARLY = 1.3  # a pose found by search must be better by this factor than one carried over
+_TOLERABLE_M = 0.02  # a candidate that explains the skin worse than this is not adapted to
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    instant: Instant
+    target: Target = field(repr=False)
+    pose: ScoredPose = field(repr=False)
+
+
+def adapt_recording(
+    recording: Recording,
+    anatomy: Anatomy,
+    *,
+    poses: int = DEFAULT_POSES,
+    frames: Sequence[int] | None = None,
+    first_poses: Mapping[int, Floats] | None = None,
+    region: Region | None = None,
+    progress: Progress = lambda _: None,
+) -> Subject:
+    """Adapt an anatomy to the person in a recording.
+
+    Args:
+        recording: calibrated, or of a single sensor.
+        anatomy: the template limb.
+        poses: how many example poses to choose (4 to 8).
+        frames: indices of instants to adapt to, instead of the automatic choice.
+        first_poses: theta (n,) by index of instant, instead of the automatic search.
+        region: where the limb is, instead of the automatic region of interest.
+        progress: told in words what is being done.
+
+    Raises:
+        FitError: fewer usable poses than asked for.
+        CloudError, RecordingError, CalibrationError: see ``fuse``.
+    """
+    moments = instants(recording)
+    wanted = _wanted(recording, moments, poses, frames)
+    body = make_body(anatomy)
+    known = dict(first_poses or {})
+    candidates = _pose_candidates(recording, body, moments, wanted, known, region, progress)
+    sample = sample_skin(anatomy, at_most=2000)
+    usable = _plausible(candidates)
+    if len(usable) < min(poses, len(wanted)) or len(usable) < FEWEST_POSES:
+        raise FitError(
+            f"{len(usable)} usable poses of {len(wanted)} looked at, {max(poses, FEWEST_POSES)} needed",
+            where=recording.path,
+            remedy="record more poses, narrow the region, or give first poses",
+        )
+    if frames is None:
+        progress("choosing example poses")
+        body, usable = _choose(body, usable, sample, poses)
+    targets, thetas = [c.target for c in usable], np.array([c.pose.fit.theta for c in usable])
+    adaptation = adapt_body(body, targets, thetas, progress=progress)
+    return _subject(adaptation, usable)
+
+
+def _plausible(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Candidates that explain their cloud, and about as well as the others do: a wrong pose does so worse."""
+    typical = float(np.median([c.pose.skin_m for c in candidates]))
+    return [c for c in candidates if c.pose.skin_m < min(_TOLERABLE_M, _CLEARLY * typical)]
+
+
+def _choose(body: Body, candidates: list[_Candidate], sample: SkinSample, poses: int) -> tuple[Body, list[_Candidate]]:
+    """A first shape, and the example poses chosen with it.
+
+    The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, also
+    from its neighbours' poses, and those that still fit worse than the rest are left out.
+    """
+    chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses)
+    first = fit_shape(
+        body, [candidates[k].target for k in chosen], np.array([candidates[k].pose.fit.theta for k in chosen]), sample
+    )
+    again = []
+    for k, candidate in enumerate(candidates):
+        near = [candidates[j].pose.fit.theta for j in (k, k - 1, k + 1) if 0 <= j < len(candidates)]
+        options = [_try_pose(first.body, candidate.target, sample, theta) for theta in near]
+        found = [pose for pose in options if pose is not None]
+        if found:
+            best = min(found, key=lambda pose: pose.badness_m)
+            again.append(_Candidate(candidate.instant, candidate.target, best))
+    kept = _plausible(again)
+    kept = kept if len(kept) >= poses else again
+    chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses)
+    return first.body, [kept[k] for k in sorted(chosen)]
+
+
+def _wanted(recording: Recording, moments: list[Instant], poses: int, frames: Sequence[int] | None) -> list[int]:
+    """Indices of the instants to look at."""
+    if not FEWEST_POSES <= poses <= MOST_POSES:
+        raise FitError(f"{poses} example poses asked for", remedy=f"choose {FEWEST_POSES} to {MOST_POSES}")
+    if frames is not None:
+        missing = [k for k in frames if not 0 <= k < len(moments)]
+        if missing:
+            raise FitError(
+                f"no frame {missing[0]}", where=recording.path, remedy=f"frames run from 0 to {len(moments) - 1}"
+            )
+        if len(set(frames)) < FEWEST_POSES:
+            raise FitError(f"{len(set(frames))} poses given, at least {FEWEST_POSES} needed", where=recording.path)
+        return sorted(set(frames))
+    if len(moments) < poses:
+        raise FitError(
+            f"{len(moments)} frames, fewer than the {poses} poses to adapt to",
+            where=recording.path,
+            remedy="record more poses or ask for fewer",
+        )
+    count = min(_CANDIDATES, len(moments))
+    return [int(k) for k in np.unique(np.linspace(0, len(moments) - 1, count).round())]
+
+
+def _pose_candidates(
+    recording: Recording,
+    body: Body,
+    moments: list[Instant],
+    wanted: list[int],
+    first_poses: Mapping[int, Floats],
+    region: Region | None,
+    progress: Progress,
+) -> list[_Candidate]:
+    """A first pose for every wanted instant that shows the limb; neighbours in time help each other."""
+    sample = sample_skin(body.anatomy, at_most=2000)
+    found: list[_Candidate] = []
+    problem: BonetrackError | None = None
+    for number, k in enumerate(wanted):
+        progress(f"first pose {number + 1} of {len(wanted)}")
+        try:
+            target = Target(fuse(recording, moments[k], region=region))
+            last = found[-1].pose.fit.theta if found else None
+            pose = _first_pose(body, target, sample, last, first_poses.get(k))
+        except (CloudError, FitError) as error:
+            problem = error
+            continue
+        found.append(_Candidate(moments[k], target, pose))
+    if not found and problem is not None:
+        raise problem
+    return found
+
+
+def _first_pose(
+    body: Body, target: Target, sample: SkinSample, last: Floats | None, given: Floats | None
+) -> ScoredPose:
+    if given is not None:
+        return score_pose(body, target, fit_pose(body, target, given, sample), sample)
+    carried = _try_pose(body, target, sample, last)
+    if carried is not None and carried.skin_m < _GOOD_M and carried.coverage > _GOOD_COVERAGE:
+        return carried
+    searched = find_pose(body, target)
+    better = _try_pose(body, target, sample, searched.fit.theta) or searched
+    if carried is not None and carried.badness_m < _CLEARLY * better.badness_m:
+        return carried
+    return better
+
+
+def _try_pose(body: Body, target: Target, sample: SkinSample, start: Floats | None) -> ScoredPose | None:
+    if start is None:
+        return None
+    try:
+        fit: PoseFit = fit_pose(body, target, start, sample)
+    except FitError:
+        return None
+    return score_pose(body, target, fit, sample)
+
+
+def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:
+    body = adaptation.body
+    sample = sample_skin(body.anatomy)
+    scores = [
+        score_pose(body, candidate.target, fit, sample) for candidate, fit in zip(used, adaptation.fits, strict=True)
+    ]
+    shown = landmarks_shown(body, adaptation.fits, sample)
+    report = {
+        "poses": [
+            {
+                "time_s": candidate.instant.time_s,
+                "matches": len(fit.matches),
+                "median_distance_mm": 1e3 * fit.residual_m,
+                "skin_to_cloud_mm": 1e3 * score.skin_m,
+                "coverage": score.coverage,
+            }
+            for candidate, fit, score in zip(used, adaptation.fits, scores, strict=True)
+        ],
+        "landmarks_shown": shown,
+        "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
+    }
+    times = np.array([candidate.instant.time_s for candidate in used])
+    return Subject(body, adaptation.thetas, times, adaptation.covariance, report)

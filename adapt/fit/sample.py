@@ -1,0 +1,49 @@
+"""Which skin vertices take part in fitting, and how much each counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import sparse
+
+from adapt.anatomy import Anatomy, Floats, Ints
+from adapt.fit.least_squares import PATCH_M2
+from adapt.model.surface import incidence, vertex_areas, vertex_normals
+
+_LEAST_WEIGHT = 0.02  # vertices that count less than this are not worth a search
+
+
+@dataclass(frozen=True)
+class SkinSample:
+    """The eligible vertices (M,) of an anatomy and, for ALL V, the independent observations each stands for.
+
+    A vertex stands for its area in units of PATCH_M2 times the anatomy's fit weight, so finely meshed parts
+    count no more than coarse ones.
+    """
+
+    vertices: Ints
+    observations: Floats  # (V,)
+    faces: Ints = field(repr=False)
+    onto_vertices: sparse.csr_matrix = field(repr=False)
+
+    def normals(self, skin: Floats) -> Floats:
+        """Unit normals (V, 3) of the posed skin (V, 3)."""
+        return vertex_normals(skin, self.faces, self.onto_vertices)
+
+
+def sample_skin(anatomy: Anatomy, *, at_most: int | None = None, seed: int = 0) -> SkinSample:
+    """All vertices that count, or a random choice of ``at_most`` of them, spread evenly over the area."""
+    faces, n = anatomy.skin_faces, len(anatomy.skin_vertices)
+    areas = vertex_areas(anatomy.skin_vertices, faces)
+    observations = anatomy.fit_weight * areas / PATCH_M2
+    eligible = np.flatnonzero(anatomy.fit_weight > _LEAST_WEIGHT)
+    if at_most is not None and at_most < len(eligible):
+        total = observations[eligible].sum()
+        rng = np.random.default_rng(seed)
+        chosen = rng.choice(eligible, at_most, replace=False, p=areas[eligible] / areas[eligible].sum(), shuffle=False)
+        eligible = np.sort(chosen)
+        spread = anatomy.fit_weight[eligible]
+        observations = np.zeros(n)
+        observations[eligible] = spread * total / spread.sum()
+    return SkinSample(eligible, observations, faces, incidence(faces, n))

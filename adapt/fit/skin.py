@@ -1,0 +1,89 @@
+"""Algorithm 3: the template skin itself, what bones do not explain (paper, section 3.3).
+
+Solved for the displacement d = v_hat - template, with v linear in v_hat around the current one:
+
+    argmin_d  sum_k data_k(v_k(d)) + STIFFNESS |L d|^2_{M^-1} + |d|^2_M / (SOFT_TISSUE_M^2 PATCH)
+
+L is the cotangent Laplacian and M the mass matrix of the template, so skin that nobody saw follows its
+neighbours smoothly.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, cg, splu
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.correspondences import Correspondences
+from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
+from adapt.fit.sample import SkinSample
+from adapt.model.body import Body, make_body, pose_skin_by_v_hat
+from capture.errors import FitError
+
+STIFFNESS = 4.0  # 1/m^2: 5 mm of soft tissue within 2 cm of skin costs about as much as one observation
+SOFT_TISSUE_M = 0.008  # standard deviation of the displacement of ...
+_SOFT_PATCH_M2 = 0.04**2  # ... a patch of this area
+
+
+def fit_skin(body: Body, thetas: Floats, matches: list[Correspondences], sample: SkinSample) -> Body:
+    """The body with its v_hat moved towards K clouds, for fixed poses (K, n), shape and matches.
+
+    Raises:
+        FitError: the linear system could not be solved.
+    """
+    blocks, pull = _data_blocks(body, thetas, matches, sample)
+    template = body.anatomy.skin_vertices
+    smooth = _regulariser(body.anatomy)
+    displacement = body.v_hat - template
+    right = np.einsum("ijk,ik->ij", blocks, displacement) - pull
+
+    def apply_system(flat: Floats) -> Floats:
+        d = flat.reshape(-1, 3)
+        return np.asarray(np.einsum("ijk,ik->ij", blocks, d) + smooth @ d).ravel()
+
+    # One factor serves all three coordinates; it differs from the system only in the blocks' anisotropy.
+    isotropic = sparse.diags(np.trace(blocks, axis1=1, axis2=2) / 3.0)
+    factor = splu((isotropic + smooth).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    size = (displacement.size, displacement.size)
+    solution, status = cg(
+        LinearOperator(size, matvec=apply_system, dtype=np.float64),
+        right.ravel(),
+        x0=displacement.ravel(),
+        rtol=1e-6,
+        maxiter=500,
+        M=LinearOperator(size, matvec=lambda r: factor.solve(r.reshape(-1, 3)).ravel(), dtype=np.float64),
+    )
+    if status != 0:
+        raise FitError("the skin's linear system did not converge", remedy="report this with the recording")
+    return make_body(body.anatomy, shape=body.shape, v_hat=template + solution.reshape(-1, 3))
+
+
+def _data_blocks(
+    body: Body, thetas: Floats, matches: list[Correspondences], sample: SkinSample
+) -> tuple[Floats, Floats]:
+    """Normal matrix (V, 3, 3) and gradient (V, 3) of the data by each vertex's own v_hat."""
+    blocks, pull = np.zeros((len(body.v_hat), 3, 3)), np.zeros((len(body.v_hat), 3))
+    for theta, match in zip(thetas, matches, strict=True):
+        skin = pose_skin_by_v_hat(body, theta)
+        jacobian, i = skin.d[match.vertex], match.vertex
+        weight = sample.observations[i] / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2)
+        metric = PLANE_WEIGHT * match.normal[:, :, None] * match.normal[:, None, :] + np.eye(3)
+        pulled = np.matmul(np.swapaxes(jacobian, 1, 2), weight[:, None, None] * metric)
+        blocks[i] += np.matmul(pulled, jacobian)
+        pull[i] += np.matmul(pulled, (skin.value[i] - match.target)[:, :, None])[:, :, 0]
+    return blocks, pull
+
+
+@lru_cache(maxsize=4)
+def _regulariser(anatomy: Anatomy) -> sparse.csr_matrix:
+    """The (V, V) matrix of the smoothness and size terms, the same for each coordinate."""
+    import igl
+
+    vertices, faces = anatomy.skin_vertices, anatomy.skin_faces
+    laplacian = sparse.csr_matrix(igl.cotmatrix(vertices, faces))
+    mass = np.asarray(igl.massmatrix(vertices, faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal())
+    bilaplacian = laplacian @ sparse.diags(1.0 / mass) @ laplacian
+    return sparse.csr_matrix(STIFFNESS * bilaplacian + sparse.diags(mass / (SOFT_TISSUE_M**2 * _SOFT_PATCH_M2)))

@@ -1,0 +1,233 @@
+"""A first pose from nothing: many starts, scored coarsely, the best refined and scored again.
+
+The paper sets the first pose by hand (about a minute); here a person does so only to override this search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Floats, Ints
+from adapt.fit.correspondences import Target, visible_from
+from adapt.fit.pose import PoseFit, fit_pose
+from adapt.fit.sample import SkinSample, sample_skin
+from adapt.model.body import Body, pose_skin, rest_theta
+from capture.errors import FitError
+from capture.fuse import Cloud
+from capture.rigid import exp_so3
+
+FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
+_COARSE_VERTICES = 100
+_COARSE_POINTS = 60
+_ROTATIONS = 600  # about 25 degrees apart
+_REFINED = 12
+_EXTREMITIES = 5
+_COARSE_GATE_M = 0.10
+
+
+@dataclass(frozen=True)
+class ScoredPose:
+    """A pose with how badly it explains the cloud (m): skin without points plus points without skin."""
+
+    fit: PoseFit
+    skin_m: float
+    cloud_m: float
+    coverage: float  # share of the skin that should be seen and is
+
+    @property
+    def badness_m(self) -> float:
+        """What candidates are compared by."""
+        return self.skin_m + self.cloud_m
+
+
+def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
+    """The best of many poses of ``body`` in one cloud, whatever the body's orientation.
+
+    Raises:
+        FitError: no start finds enough correspondences.
+    """
+    sample = sample_skin(body.anatomy, at_most=600, seed=seed)
+    candidates = _coarse_candidates(body, target, np.random.default_rng(seed))
+    refined = [score for theta in candidates if (score := _refine(body, target, theta, sample)) is not None]
+    if not refined:
+        raise FitError(
+            "no pose of the anatomy fits the cloud", remedy="narrow the region of interest or give a first pose"
+        )
+    return min(refined, key=lambda pose: pose.badness_m)
+
+
+def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> ScoredPose:
+    """Score a fitted pose in both directions, distances truncated at FAR_M."""
+    skin = pose_skin(body, fit.theta)
+    normals = sample.normals(skin)
+    points, weight = skin[sample.vertices], sample.observations[sample.vertices]
+    distance, should_show = _distance_if_visible(target, points, normals[sample.vertices])
+    skin_m = float(np.average(distance, weights=weight * should_show)) if should_show.any() else FAR_M
+    coverage = float(np.average(distance < 0.5 * FAR_M, weights=weight * should_show)) if should_show.any() else 0.0
+    tree = cKDTree(skin[:: max(1, len(skin) // 2000)])
+    cloud = target.cloud.points[:: max(1, len(target.cloud.points) // 500)]
+    unexplained, _ = tree.query(cloud)
+    return ScoredPose(fit, skin_m, float(np.minimum(unexplained, FAR_M).mean()), coverage)
+
+
+def _distance_if_visible(target: Target, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """Truncated distance (N,) to the nearest point of a sensor that a vertex faces, and the weight (N,) of it.
+
+    A vertex that faces a sensor but is hidden by something nearer may rightly be hidden: it counts, at half
+    weight, as unexplained, so that hiding the whole limb behind the trunk does not pay.
+    """
+    distance, weight = np.full(len(points), FAR_M), np.zeros(len(points))
+    for view, _, tree in target.parts:
+        sight = view.world_from_sensor[:3, 3] - points
+        faces = np.einsum("ij,ij->i", normals, sight) > 0.3 * np.linalg.norm(sight, axis=1)
+        seen = visible_from(view, points, normals) & faces
+        nearest, _ = tree.query(points[seen])
+        distance[seen] = np.minimum(distance[seen], nearest)
+        weight[seen] = 1.0
+        weight[faces & ~seen] = np.maximum(weight[faces & ~seen], 0.5)
+    return distance, weight
+
+
+def _refine(body: Body, target: Target, theta: Floats, sample: SkinSample) -> ScoredPose | None:
+    try:
+        rough = fit_pose(body, target, theta, sample, updates=15, steps=2, gate_m=_COARSE_GATE_M)
+    except FitError:
+        return None
+    return score_pose(body, target, rough, sample)
+
+
+@dataclass(frozen=True)
+class _Coarse:
+    """One joint configuration, root at the origin: coarse vertices (N, 3), normals, weights, anchor point."""
+
+    theta: Floats
+    root: Ints  # where the free joint's six coordinates stand in theta
+    points: Floats = field(repr=False)
+    normals: Floats = field(repr=False)
+    weights: Floats = field(repr=False)
+    tip: Floats = field(repr=False)
+
+
+def _coarse_candidates(body: Body, target: Target, rng: np.random.Generator) -> list[Floats]:
+    """The most promising distinct starts."""
+    rotations = Rotation.random(_ROTATIONS, rng=rng).as_matrix()
+    thetas, scores = [], []
+    for configuration in _configurations(body):
+        for theta, score in _place(configuration, rotations, target):
+            thetas.append(theta)
+            scores.append(score)
+    order = np.argsort(np.concatenate(scores), kind="stable")
+    return _distinct(np.concatenate(thetas)[order], _root(body.anatomy), _REFINED)
+
+
+def _configurations(body: Body) -> Iterator[_Coarse]:
+    """Joint configurations on a grid over the ranges of the bending coordinates, root frame at the identity."""
+    anatomy = body.anatomy
+    sample = sample_skin(anatomy, at_most=_COARSE_VERTICES)
+    root = _root(anatomy)
+    tip = np.linalg.norm(body.v_tilde.value - rest_theta(body)[root[3:]], axis=1).argmax()
+    chosen = sample.vertices
+    for theta in _grid(anatomy):
+        skin = pose_skin(body, theta)
+        normals = sample.normals(skin)[chosen]
+        yield _Coarse(theta, root, skin[chosen], normals, sample.observations[chosen], skin[tip])
+
+
+def _grid(anatomy: Anatomy) -> list[Floats]:
+    """Poses with each hinge at a few places of its range, other coordinates at rest, the root at zero."""
+    middle = np.array([np.clip(0.0, c.low, c.high) for c in anatomy.coordinates])
+    poses = [middle]
+    for joint in anatomy.joints:
+        if joint.type != "hinge":
+            continue
+        i = anatomy.coordinate_index(joint.coordinates[0])
+        low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
+        places = [low + share * (high - low) for share in (0.15, 0.5, 0.85)]
+        poses = [np.r_[pose[:i], place, pose[i + 1 :]] for pose in poses for place in places]
+    return poses
+
+
+def _root(anatomy: Anatomy) -> Ints:
+    joint = anatomy.joints[0]
+    return np.array([anatomy.coordinate_index(name) for name in joint.coordinates])
+
+
+def _place(coarse: _Coarse, rotations: Floats, target: Target) -> Iterator[tuple[Floats, Floats]]:
+    """Turn one configuration every way, put its middle on the cloud's middle and its tip on each extremity."""
+    cloud = target.cloud
+    eyes = np.array([view.world_from_sensor[:3, 3] for view in cloud.views])
+    toward = eyes.mean(axis=0) - cloud.points.mean(axis=0)
+    toward /= np.linalg.norm(toward)
+    points = np.einsum("rij,nj->rni", rotations, coarse.points)
+    facing = np.einsum("rij,nj,i->rn", rotations, coarse.normals, toward)
+    weights = coarse.weights * (facing > 0.2)
+    total = np.maximum(weights.sum(axis=1), 1e-9)
+    middle = np.einsum("rn,rni->ri", weights, points) / total[:, None]
+    tips = rotations @ coarse.tip
+    anchors = [cloud.points.mean(axis=0) - middle]
+    anchors += [extremity - tips for extremity in _extremities(cloud)]
+    tree = cKDTree(cloud.points)
+    vectors = Rotation.from_matrix(rotations).as_rotvec()
+    for shift in anchors:
+        distance, _ = tree.query((points + shift[:, None]).reshape(-1, 3), distance_upper_bound=FAR_M)
+        distance = np.minimum(distance, FAR_M).reshape(points.shape[:2])
+        score = (weights * distance).sum(axis=1) / total + _unexplained(points + shift[:, None], cloud)
+        theta = np.tile(coarse.theta, (len(rotations), 1))
+        theta[:, coarse.root] = np.column_stack([vectors, shift])
+        yield theta, score
+
+
+def _unexplained(placed: Floats, cloud: Cloud) -> Floats:
+    """Truncated mean distance (R,) from some cloud points to each of R placed sets of vertices (R, N, 3)."""
+    some = cloud.points[:: max(1, len(cloud.points) // _COARSE_POINTS)].astype(np.float32)
+    placed = placed.astype(np.float32)
+    squared = ((placed**2).sum(axis=2)[:, :, None] + (some**2).sum(axis=1) - 2.0 * np.matmul(placed, some.T)).min(
+        axis=1
+    )
+    return np.asarray(np.minimum(np.sqrt(np.maximum(squared, 0.0)), 2 * FAR_M).mean(axis=1), dtype=np.float64)
+
+
+def _extremities(cloud: Cloud) -> Floats:
+    """Points (E, 3) farthest from the middle along the cloud's surface: hands, head, the cut."""
+    rng = np.random.default_rng(0)
+    chosen = cloud.points[rng.permutation(len(cloud.points))[:800]]
+    small = cKDTree(chosen)
+    graph = sparse.csr_matrix(small.sparse_distance_matrix(small, 0.06, output_type="coo_matrix"))
+    start = int(small.query(np.median(cloud.points, axis=0))[1])
+    distance = dijkstra(graph, indices=start)
+    found: list[int] = []
+    for _ in range(_EXTREMITIES):
+        reachable = np.where(np.isfinite(distance), distance, -1.0)
+        found.append(int(reachable.argmax()))
+        distance = np.minimum(distance, dijkstra(graph, indices=found[-1]))
+    return np.asarray(chosen[found])
+
+
+def _distinct(thetas: Floats, root: Ints, count: int) -> list[Floats]:
+    """The first ``count`` poses that differ clearly from those before them."""
+    kept: list[Floats] = []
+    for theta in thetas:
+        if all(_differ(theta, other, root) for other in kept):
+            kept.append(theta)
+        if len(kept) == count:
+            break
+    return kept
+
+
+def _differ(one: Floats, other: Floats, root: Ints) -> bool:
+    """By 30 degrees or 8 cm at the root, or 50 degrees at a joint."""
+    turn = exp_so3(one[root[:3]]) @ exp_so3(other[root[:3]]).T
+    cosine = (np.trace(turn) - 1.0) / 2.0
+    joints = np.delete(one - other, root)
+    return bool(
+        cosine < np.cos(np.deg2rad(30.0))
+        or np.linalg.norm(one[root[3:]] - other[root[3:]]) > 0.08
+        or np.abs(joints).max(initial=0.0) > np.deg2rad(50.0)
+    )

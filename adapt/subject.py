@@ -1,0 +1,99 @@
+"""A subject: one person's adapted anatomy, as a file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.model.body import Body, make_body
+from capture.errors import AnatomyError
+from capture.files import replaced_when_complete
+
+FORMAT = "bonetrack-subject"
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A body, the poses it was adapted in, and what the fit said of itself.
+
+    ``thetas`` (K, n) are the example poses and ``times`` (K,) their instants (s) in the recording;
+    ``covariance`` (m, m) is that of the shape; ``report`` is plain JSON.
+    """
+
+    body: Body
+    thetas: Floats = field(repr=False)
+    times: Floats = field(repr=False)
+    covariance: Floats = field(repr=False)
+    report: dict[str, Any] = field(repr=False)
+
+    @property
+    def anatomy(self) -> Anatomy:
+        """The anatomy the subject is made of."""
+        return self.body.anatomy
+
+
+def save_subject(subject: Subject, path: Path) -> None:
+    """Write a subject as one ``.npz`` file."""
+    description = {
+        "format": FORMAT,
+        "version": VERSION,
+        "anatomy": subject.anatomy.name,
+        "skin_vertices": len(subject.body.v_hat),
+        "report": subject.report,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced_when_complete(path) as partial:
+        np.savez_compressed(
+            partial,
+            description=np.array(json.dumps(description)),
+            shape=subject.body.shape,
+            displacement=(subject.body.v_hat - subject.anatomy.skin_vertices).astype(np.float32),
+            thetas=subject.thetas,
+            times=subject.times,
+            covariance=subject.covariance,
+        )
+
+
+def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
+    """Read a subject.
+
+    Raises:
+        AnatomyError: missing, not a subject, a newer version, or not of the ``anatomy`` asked for.
+    """
+    if not path.is_file():
+        raise AnatomyError("no such subject file", where=path, remedy="make one with `bonetrack adapt`")
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            description = json.loads(str(data["description"]))
+            arrays = {key: data[key].astype(np.float64) for key in data.files if key != "description"}
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`") from error
+    return _from_parts(path, description, arrays, anatomy)
+
+
+def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: str | None) -> Subject:
+    if not isinstance(description, dict) or description.get("format") != FORMAT:
+        raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`")
+    if description["version"] > VERSION:
+        raise AnatomyError(
+            f"format version {description['version']} is newer than {VERSION}", where=path, remedy="update bonetrack"
+        )
+    if asked is not None and description["anatomy"] != asked:
+        raise AnatomyError(
+            f"a subject of anatomy {description['anatomy']!r}, not {asked!r}",
+            where=path,
+            remedy=f"adapt one with --anatomy {asked}",
+        )
+    template = load_anatomy(description["anatomy"])
+    if len(template.skin_vertices) != description["skin_vertices"]:
+        raise AnatomyError(
+            f"made with another template of {template.name}", where=path, remedy="adapt the subject again"
+        )
+    body = make_body(template, shape=arrays["shape"], v_hat=template.skin_vertices + arrays["displacement"])
+    return Subject(body, arrays["thetas"], arrays["times"], arrays["covariance"], description["report"])
