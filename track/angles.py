@@ -1,0 +1,91 @@
+"""Joint angles as people report them: degrees, OpenSim's coordinates, ISB's thoraco-humeral angles."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Floats
+from capture.rigid import exp_so3
+from track.motion import MotionError
+
+
+def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
+    """Poses (T, n) as named columns (T,): degrees for rotations, metres for translations.
+
+    A free joint's rotation vector is reported as OpenSim's FreeJoint does, as body-fixed X-Y-Z angles, under
+    the names ``<joint>_euler_x``, ``_y``, ``_z``. NaN poses stay NaN.
+    """
+    columns: dict[str, Floats] = {}
+    for joint in anatomy.joints:
+        index = [anatomy.coordinate_index(name) for name in joint.coordinates]
+        if joint.type == "free":
+            angles = _finite_rows(thetas[:, index[:3]], lambda r: Rotation.from_rotvec(r).as_euler("XYZ"))
+            columns |= {f"{joint.name}_euler_{c}": _unwrapped(angles[:, k]) for k, c in enumerate("xyz")}
+            index, names = index[3:], joint.coordinates[3:]
+        else:
+            names = joint.coordinates
+        for i, name in zip(index, names, strict=True):
+            rotational = anatomy.coordinates[i].unit == "rad"
+            columns[name] = np.rad2deg(thetas[:, i]) if rotational else thetas[:, i]
+    return columns
+
+
+def thoraco_humeral(world_from_thorax: Floats, thetas: Floats, rotation: list[int]) -> dict[str, Floats]:
+    """ISB angles (degrees) of the humerus in the thorax, Y-X'-Y'' (Wu et al. 2005), for poses (T, n).
+
+    ``rotation`` are the indices of the humerus' rotation vector in theta; the thorax frame (4, 4) has X forward,
+    Y up, Z right. Plane 0 is abduction, 90 forward flexion; elevation is counted positive.
+    """
+    to_thorax = world_from_thorax[:3, :3].T
+
+    def angles(vectors: Floats) -> Floats:
+        plane, tilt, axial = Rotation.from_matrix(to_thorax @ exp_so3(vectors)).as_euler("YXY").T
+        # Raising the arm turns about -X (ISB): the same rotation with the tilt's sign turned over.
+        return np.column_stack([_half_turn(plane), tilt, _half_turn(axial)])
+
+    values = np.rad2deg(_finite_rows(thetas[:, rotation], angles))
+    names = ("plane_of_elevation", "elevation", "axial_rotation")
+    return {f"thoracohumeral_{name}": values[:, k] for k, name in enumerate(names)}
+
+
+def _half_turn(angle: Floats) -> Floats:
+    """angle + pi, brought into (-pi, pi]."""
+    return np.asarray(np.pi - np.mod(-angle, 2.0 * np.pi))
+
+
+def _unwrapped(angle: Floats) -> Floats:
+    """Degrees without jumps of a turn between frames; NaN frames are passed over."""
+    degrees, known = np.rad2deg(angle), np.isfinite(angle)
+    degrees[known] = np.unwrap(degrees[known], period=360.0)
+    return degrees
+
+
+def _finite_rows(rows: Floats, function) -> Floats:  # type: ignore[no-untyped-def]
+    """Apply a function of (N, 3) to the finite rows; the others give NaN."""
+    known = np.isfinite(rows).all(axis=1)
+    result = np.full((len(rows), 3), np.nan)
+    if known.any():
+        result[known] = function(rows[known])
+    return result
+
+
+def read_thorax(path: Path) -> Floats:
+    """The thorax frame (4, 4) in the recording's frame, from a JSON file: a list of four rows of four numbers.
+
+    Raises:
+        MotionError: not such a file, or not a rigid transform.
+    """
+    try:
+        matrix = np.array(json.loads(path.read_text(encoding="utf-8")), dtype=np.float64)
+    except OSError as error:
+        raise MotionError("cannot be read", where=path) from error
+    except (ValueError, TypeError) as error:
+        raise MotionError("is not a JSON list of numbers", where=path, remedy="give four rows of four") from error
+    rigid = matrix.shape == (4, 4) and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4)
+    if not rigid or np.linalg.det(matrix[:3, :3]) < 0.0 or not np.allclose(matrix[3], [0, 0, 0, 1]):
+        raise MotionError("is not a rigid 4 x 4 transform", where=path, remedy="X forward, Y up, Z right; metres")
+    return matrix

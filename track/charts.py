@@ -1,0 +1,37 @@
+"""Joint angles over time as a picture, with their uncertainty, the truth where it is known, and what was lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from capture.files import replaced_when_complete
+from track.motion import Motion
+
+
+def plot_angles(
+    motion: Motion, anatomy: Anatomy, path: Path, *, true_times: Floats | None = None, true_thetas: Floats | None = None
+) -> None:
+    """Write a PNG with one panel per coordinate that is not a free joint's: degrees over seconds, band of two SD."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
+    shown = [i for i, coordinate in enumerate(anatomy.coordinates) if coordinate.name not in free]
+    figure = Figure(figsize=(9, 1.9 * len(shown)), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, i in zip(figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown, strict=True):
+        angle, spread = np.rad2deg(motion.thetas[:, i]), 2.0 * np.rad2deg(motion.deviations[:, i])
+        if true_times is not None and true_thetas is not None:
+            axes.plot(true_times, np.rad2deg(true_thetas[:, i]), color="black", lw=2.5, alpha=0.3, label="truth")
+        axes.fill_between(motion.times, angle - spread, angle + spread, color="tab:blue", alpha=0.25, lw=0)
+        axes.plot(motion.times, angle, color="tab:blue", lw=1.2, label="tracked, ±2 SD")
+        for time in motion.times[~motion.tracked]:
+            axes.axvline(time, color="tab:red", alpha=0.4)
+        axes.set_ylabel(f"{anatomy.coordinates[i].name}\n(deg)")
+    axes.set_xlabel("time (s)")
+    figure.axes[0].legend(loc="upper right", fontsize="small")
+    with replaced_when_complete(path) as partial:
+        figure.savefig(partial, dpi=110)

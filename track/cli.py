@@ -1,0 +1,59 @@
+"""The command ``bonetrack``: joins the commands of the three packages and turns errors into one line."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from adapt.commands import adapt_command
+from capture.commands import calibrate_command, fuse_command, import_command
+from capture.console import stderr
+from capture.errors import BonetrackError
+from track.commands import demo_command, evaluate_command, export_command, simulate_command, track_command
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--debug", is_flag=True, help="Show the whole traceback of an error.")
+@click.version_option(package_name="bonetrack")
+def bonetrack(debug: bool) -> None:
+    """From depth-sensor recordings of a person to the motion of the bones inside."""
+
+
+for command in (
+    demo_command,
+    simulate_command,
+    import_command,
+    calibrate_command,
+    fuse_command,
+    adapt_command,
+    track_command,
+    evaluate_command,
+    export_command,
+):
+    bonetrack.add_command(command)
+
+
+def main() -> None:
+    """Run the command line: exit code 0 done, 2 wrong command line, 1 any other failure."""
+    try:
+        bonetrack.main(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        stderr.print("stopped")
+        sys.exit(1)
+    except Exception as error:
+        if "--debug" in sys.argv:
+            raise
+        stderr.print(f"error: {_one_line(error)}", markup=False, highlight=False, soft_wrap=True)
+        sys.exit(1)
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, BonetrackError):
+        return str(error)
+    if isinstance(error, OSError):
+        return f"{error.filename or 'a file'}: {error.strerror or error}"
+    return f"unexpected {type(error).__name__}: {error}; run again with --debug and report it"

@@ -1,0 +1,98 @@
+"""``bonetrack demo``: the whole main job on the sample recording, with errors against the known truth."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import load_anatomy
+from adapt.commands import print_subject
+from adapt.fit.recording import adapt_recording
+from adapt.subject import Subject, save_subject
+from capture.calibrate import calibrate_recording, write_calibration
+from capture.console import stdout
+from capture.errors import RecordingError
+from capture.fuse import fuse
+from capture.recording import Recording, instants, open_recording
+from track.charts import plot_angles
+from track.commands import print_evaluation, print_motion
+from track.evaluate import evaluate_motion, read_truth, write_evaluation
+from track.motion import Motion
+from track.pictures import picture_fit
+from track.run import track_recording
+
+SAMPLE = "upper-limb-right-sample"
+ANATOMY = "upper-limb-right"
+_PICTURES = 3
+
+
+def run_demo(out: Path) -> None:
+    """Calibrate, adapt, track and evaluate the sample recording; write everything into ``out``.
+
+    Raises:
+        RecordingError: the sample recording is not at hand.
+    """
+    recording = _copy_of_sample(out / "recording")
+    with _step("calibrating the sensors by the box"):
+        write_calibration(recording, calibrate_recording(recording))
+        recording = open_recording(recording.path)
+    with _step("adapting the anatomy") as note:
+        subject = adapt_recording(recording, load_anatomy(ANATOMY), progress=note)
+        save_subject(subject, out / "subject.npz")
+    print_subject(subject.report, out / "subject.npz")
+    with _step("tracking") as note:
+        motion = track_recording(
+            recording, subject, out / "motion", progress=lambda done, total: note(f"tracking: {done} of {total} frames")
+        )
+    print_motion(motion)
+    with _step("comparing with the truth"):
+        evaluation = evaluate_motion(motion, subject, recording)
+        write_evaluation(evaluation, out / "errors.json")
+    print_evaluation(evaluation)
+    with _step("drawing"):
+        pictures = _draw(recording, subject, motion, out)
+    for path in pictures:
+        stdout.print(f"picture: {path}", highlight=False)
+
+
+@contextmanager
+def _step(what: str) -> Iterator:  # type: ignore[type-arg]
+    """Show what is being done, and afterwards how long it took."""
+    start = time.perf_counter()
+    with stdout.status(what) as status:
+        yield status.update
+    stdout.print(f"{what}: {time.perf_counter() - start:.1f} s", highlight=False)
+
+
+def _copy_of_sample(to: Path) -> Recording:
+    """A copy, so that calibrating leaves the sample as it came."""
+    places = [Path(__file__).parents[1] / "recordings" / SAMPLE, Path("recordings") / SAMPLE]
+    sample = next((place for place in places if place.is_dir()), None)
+    if sample is None:
+        raise RecordingError(
+            "the sample recording is not here", where=places[1], remedy="run the demo in a checkout of the project"
+        )
+    if to.exists():
+        open_recording(to)  # only a recording may be replaced
+        shutil.rmtree(to)
+    shutil.rmtree(to.parent / "motion", ignore_errors=True)
+    shutil.copytree(sample, to)
+    return open_recording(to)
+
+
+def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> list[Path]:
+    truth = read_truth(recording)
+    written = [out / "angles.png"]
+    plot_angles(motion, subject.anatomy, written[0], true_times=truth.times, true_thetas=truth.thetas)
+    moments = instants(recording)
+    tracked = np.flatnonzero(motion.tracked)
+    for number in tracked[np.linspace(0, len(tracked) - 1, min(_PICTURES, len(tracked))).astype(int)]:
+        cloud = fuse(recording, moments[number])
+        written.append(out / f"fit_{number:04d}.png")
+        picture_fit(subject.body, motion.thetas[number], cloud, written[-1])
+    return written

@@ -1,0 +1,215 @@
+"""Errors of a motion against the known truth of a simulated recording.
+
+Everything is compared in the truth's world. The recording's common frame (the box's) is carried there by what
+its calibration says of the sensors and where the truth says they stood, so an error of the calibration between
+sensors counts and the choice of common frame does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
+from adapt.subject import Subject
+from capture.recording import Recording, world_from_sensor
+from capture.rigid import apply, inverse, log_so3, transform
+from track.motion import Motion, MotionError
+
+_SURFACE_POINTS = 600  # of each surface, whose distance to the true surface is measured
+_NEAREST_S = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a simulated recording knows: the body, its poses (T, n) over time (T,), where the sensors stood."""
+
+    body: Body
+    times: Floats
+    thetas: Floats
+    world_from_sensor: dict[str, Floats]
+
+
+@dataclass(frozen=True)
+class ErrorSummary:
+    """One kind of error over the tracked frames."""
+
+    name: str
+    unit: str
+    mean: float
+    sd: float
+    maximum: float
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Errors (T,) by kind, NaN where the frame was not tracked; ``frames`` and ``lost`` count them."""
+
+    errors: dict[str, Floats] = field(repr=False)
+    units: dict[str, str] = field(repr=False)
+    frames: int
+    lost: int
+
+    def summaries(self) -> list[ErrorSummary]:
+        """Mean, standard deviation, maximum and root mean square of every kind."""
+        rows = []
+        for name, values in self.errors.items():
+            known = values[np.isfinite(values)]
+            if len(known):
+                rows.append(
+                    ErrorSummary(
+                        name,
+                        self.units[name],
+                        float(known.mean()),
+                        float(known.std()),
+                        float(known.max()),
+                        float(np.sqrt((known**2).mean())),
+                    )
+                )
+        return rows
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain numbers for a file."""
+        return {
+            "frames": self.frames,
+            "lost": self.lost,
+            "errors": {
+                row.name: {"unit": row.unit, "mean": row.mean, "sd": row.sd, "max": row.maximum, "rms": row.rms}
+                for row in self.summaries()
+            },
+        }
+
+
+def read_truth(recording: Recording) -> Truth:
+    """The truth of a recording that ``bonetrack simulate --anatomy`` made.
+
+    Raises:
+        MotionError: there is none.
+    """
+    path = recording.path / "truth.npz"
+    remedy = "only recordings of `bonetrack simulate --anatomy` have it"
+    if not path.is_file():
+        raise MotionError("has no known truth (truth.npz)", where=recording.path, remedy=remedy)
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            anatomy = load_anatomy(str(data["anatomy"]))
+            v_hat = anatomy.skin_vertices + data["displacement"]
+            sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
+            return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise MotionError("does not hold an anatomy's truth", where=path, remedy=remedy) from error
+
+
+def world_from_common(recording: Recording, truth: Truth) -> Floats:
+    """Where the recording's common frame stands in the truth's world (4, 4): the mean over its sensors."""
+    guesses = np.array(
+        [
+            truth.world_from_sensor[sensor.name] @ inverse(world_from_sensor(recording, sensor.name))
+            for sensor in recording.sensors
+        ]
+    )
+    rotation = Rotation.from_matrix(guesses[:, :3, :3]).mean().as_matrix()
+    # The mean is taken where the sensors look, not at the far origin of a frame.
+    middle = np.mean([world_from_sensor(recording, s.name) @ [0, 0, 1.2, 1] for s in recording.sensors], axis=0)
+    return transform(rotation, (guesses @ middle).mean(axis=0)[:3] - rotation @ middle[:3])
+
+
+def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> Evaluation:
+    """Compare a motion of ``subject`` with the truth of its recording.
+
+    Kinds of error: joint centres (mm), coordinates (deg, absolute), the root bone's orientation (deg), bone
+    surfaces (mm, distance of tracked points to the true surface), bone points (mm, the same anatomical point),
+    skin (mm, distance to the true skin).
+
+    Raises:
+        MotionError: no truth, other anatomies, or no frame at a time of the truth.
+    """
+    truth = read_truth(recording)
+    if not motion.anatomy == truth.body.anatomy.name == subject.anatomy.name:
+        raise MotionError(
+            f"a motion of {motion.anatomy} by a subject of {subject.anatomy.name}, truth of {truth.body.anatomy.name}",
+            remedy="give the subject and recording that the motion was made from",
+        )
+    common = world_from_common(recording, truth)
+    errors: dict[str, list[float]] = {}
+    units: dict[str, str] = {}
+    for t, time in enumerate(motion.times):
+        nearest = int(np.abs(truth.times - time).argmin())
+        if abs(truth.times[nearest] - time) > _NEAREST_S:
+            raise MotionError(f"no truth at {time:.3f} s", where=recording.path)
+        if motion.lost[t]:
+            for values in errors.values():
+                values.append(np.nan)
+            continue
+        for (name, unit), value in _frame_errors(
+            subject.body, motion.thetas[t], truth.body, truth.thetas[nearest], common
+        ).items():
+            units[name] = unit
+            errors.setdefault(name, [np.nan] * t).append(value)
+    arrays = {name: np.array(values) for name, values in errors.items()}
+    return Evaluation(arrays, units, len(motion.times), int((~motion.tracked).sum()))
+
+
+def _frame_errors(
+    body: Body, theta: Floats, true_body: Body, true_theta: Floats, common: Floats
+) -> dict[tuple[str, str], float]:
+    errors: dict[tuple[str, str], float] = {}
+    true_centres = joint_centres(true_body, true_theta)
+    for name, centre in joint_centres(body, theta).items():
+        distance = np.linalg.norm(apply(common, centre[None])[0] - true_centres[name])
+        errors[f"centre {name}", "mm"] = 1e3 * float(distance)
+    errors |= _angle_errors(body.anatomy, theta, true_theta)
+    root = body.anatomy.joints[0].child
+    turn = common[:3, :3] @ bone_frames(body, theta)[root][:3, :3] @ bone_frames(true_body, true_theta)[root][:3, :3].T
+    errors[f"orientation {root}", "deg"] = float(np.rad2deg(np.linalg.norm(log_so3(turn))))
+    true_bones = posed_bones(true_body, true_theta)
+    for bone in body.anatomy.bones:
+        tracked = apply(common, posed_bones(body, theta)[bone.name])
+        some = tracked[:: max(1, len(tracked) // _SURFACE_POINTS)]
+        errors[f"surface {bone.name}", "mm"] = 1e3 * float(
+            distance_to_mesh(some, true_bones[bone.name], bone.faces).mean()
+        )
+        apart = np.linalg.norm(tracked - true_bones[bone.name], axis=1)
+        errors[f"points {bone.name}", "mm"] = 1e3 * float(apart.mean())
+    counted = np.flatnonzero(body.anatomy.fit_weight > 0.5)
+    counted = counted[:: max(1, len(counted) // _SURFACE_POINTS)]
+    skin = apply(common, pose_skin(body, theta, vertices=counted))
+    true_skin = pose_skin(true_body, true_theta)
+    errors["skin", "mm"] = 1e3 * float(distance_to_mesh(skin, true_skin, body.anatomy.skin_faces).mean())
+    return errors
+
+
+def _angle_errors(anatomy: Anatomy, theta: Floats, true_theta: Floats) -> dict[tuple[str, str], float]:
+    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
+    return {
+        (f"angle {coordinate.name}", "deg"): float(np.rad2deg(abs(theta[i] - true_theta[i])))
+        for i, coordinate in enumerate(anatomy.coordinates)
+        if coordinate.name not in free
+    }
+
+
+def distance_to_mesh(points: Floats, vertices: Floats, faces: NDArray[np.int64]) -> Floats:
+    """Distance (N,) in metres from points (N, 3) to the nearest place on a triangle mesh."""
+    import igl
+
+    squared, _, _ = igl.point_mesh_squared_distance(
+        np.ascontiguousarray(points), np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
+    )
+    return np.sqrt(np.asarray(squared))
+
+
+def write_evaluation(evaluation: Evaluation, path: Path) -> None:
+    """Write the summary as JSON."""
+    import json
+
+    from capture.files import replaced_when_complete
+
+    with replaced_when_complete(path) as partial:
+        partial.write_text(json.dumps(evaluation.as_json(), indent=1) + "\n", encoding="utf-8")

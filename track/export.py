@@ -1,0 +1,77 @@
+"""Subjects and motions as files that other tools read."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Floats, Ints
+from adapt.model.body import Body, pose_skin, posed_bones
+from adapt.subject import Subject
+from capture.files import replaced_when_complete
+from track.angles import reported_coordinates
+from track.motion import Motion, MotionError
+from track.opensim_files import write_mot, write_trc
+
+
+def export_subject(subject: Subject, out: Path) -> list[Path]:
+    """Write the rest skin and every bone as PLY; returns the files."""
+    out.mkdir(parents=True, exist_ok=True)
+    written = [_ply(out / "skin.ply", subject.body.v_tilde.value, subject.anatomy.skin_faces)]
+    for bone in subject.anatomy.bones:
+        written.append(_ply(out / f"{bone.name}.ply", subject.body.rest_bones[bone.name], bone.faces))
+    return written
+
+
+def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | None = None) -> list[Path]:
+    """Write joint angles (``.mot``, CSV) and centres (``.trc``); with ``frame`` also that frame's skin and bones.
+
+    Raises:
+        MotionError: the frame does not exist or was lost.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    columns = reported_coordinates(subject.anatomy, motion.thetas)
+    write_mot(out / "angles.mot", motion.times, columns)
+    write_trc(out / "centres.trc", motion.times, motion.centres)
+    written = [out / "angles.mot", out / "centres.trc", _csv(out / "angles.csv", motion.times, columns)]
+    if frame is not None:
+        written += _posed(motion, subject.body, out, frame)
+    return written
+
+
+def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
+    if not 0 <= frame < len(motion.times):
+        raise MotionError(f"no frame {frame}", remedy=f"frames run from 0 to {len(motion.times) - 1}")
+    if motion.lost[frame]:
+        raise MotionError(f"frame {frame} was lost: {motion.lost[frame]}", remedy="choose another frame")
+    theta = motion.thetas[frame]
+    written = [_ply(out / f"skin_{frame:05d}.ply", pose_skin(body, theta), body.anatomy.skin_faces)]
+    bones = posed_bones(body, theta)
+    for bone in body.anatomy.bones:
+        written.append(_ply(out / f"{bone.name}_{frame:05d}.ply", bones[bone.name], bone.faces))
+    return written
+
+
+def _csv(path: Path, times: Floats, columns: dict[str, Floats]) -> Path:
+    with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time_s", *columns])
+        for row in np.column_stack([times, *columns.values()]):
+            writer.writerow([f"{value:.8f}" for value in row])
+    return path
+
+
+def _ply(path: Path, vertices: Floats, faces: Ints) -> Path:
+    """Write a triangle mesh (m) as binary PLY."""
+    header = (
+        f"ply\nformat binary_little_endian 1.0\ncomment metres\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
+    rows["count"], rows["index"] = 3, faces
+    with replaced_when_complete(path) as partial:
+        partial.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
+    return path

@@ -1,0 +1,51 @@
+"""OpenSim's text formats: ``.mot`` for coordinates, ``.trc`` for points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Floats
+from capture.files import replaced_when_complete
+
+
+def write_mot(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
+    """Write coordinates (T,) over time (s): rotations in degrees, translations in metres; NaN stays ``nan``."""
+    table = np.column_stack([times, *columns.values()])
+    header = (
+        f"Coordinates\nversion=1\nnRows={len(table)}\nnColumns={table.shape[1]}\ninDegrees=yes\n\n"
+        "Rotations are in degrees, translations in metres. Frames that were not tracked are nan.\nendheader\n"
+    )
+    rows = ["\t".join(f"{value:.8f}" for value in row) for row in table]
+    _write(path, header + "\t".join(["time", *columns]) + "\n" + "\n".join(rows) + "\n")
+
+
+def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
+    """Write points (T, 3) in metres as a marker file in millimetres; frames that were not tracked are empty."""
+    rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    names = "\t\t\t".join(points)
+    axes = "\t".join(f"{c}{k}" for k in range(1, len(points) + 1) for c in "XYZ")
+    fields = f"{rate:.4f}\t{rate:.4f}\t{len(times)}\t{len(points)}\tmm\t{rate:.4f}\t1\t{len(times)}"
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        fields,
+        f"Frame#\tTime\t{names}\t\t",
+        f"\t\t{axes}",
+        "",
+    ]
+    for frame, time in enumerate(times):
+        cells = [_cell(1e3 * value) for series in points.values() for value in series[frame]]
+        lines.append("\t".join([str(frame + 1), f"{time:.6f}", *cells]))
+    _write(path, "\n".join(lines) + "\n")
+
+
+def _cell(value: float) -> str:
+    return f"{value:.5f}" if np.isfinite(value) else ""
+
+
+def _write(path: Path, text: str) -> None:
+    with replaced_when_complete(path) as partial:
+        partial.write_text(text, encoding="utf-8")

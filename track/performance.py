@@ -1,0 +1,171 @@
+"""Performances to simulate: who moves (random bodies) and how (motion tables, and three made-up motions).
+
+The random bodies are the project's own accuracy protocol: bone lengths within 8 %, scales within 6 %, and soft
+tissue that the handles cannot express.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.body import Body, make_body, rest_theta
+from adapt.model.handles import affine_set
+from adapt.model.surface import incidence, vertex_normals
+from capture.errors import BonetrackError
+
+FPS = 30.0
+LENGTH_SPREAD = 0.08
+SCALE_SPREAD = 0.06
+SOFT_TISSUE_M = 0.003
+_SOFT_REACH_M = 0.04
+_SOFT_BUMPS = 60
+
+
+class PerformanceError(BonetrackError):
+    """A motion table cannot be performed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """A body and its poses (T, n) over time (T,) s."""
+
+    body: Body
+    times: Floats = field(repr=False)
+    thetas: Floats = field(repr=False)
+
+
+def random_body(anatomy: Anatomy, seed: int) -> Body:
+    """A body of other proportions: bone lengths, scales at the joints, and smooth bumps of soft tissue."""
+    rng = np.random.default_rng(seed)
+    affine = affine_set(anatomy)
+    shape = affine.identity.reshape(-1, 4)
+    shape[:, 0] += rng.uniform(-SCALE_SPREAD, SCALE_SPREAD, len(shape))
+    stretch = 1.0 + rng.uniform(-LENGTH_SPREAD, LENGTH_SPREAD, len(shape) - 1)
+    spans = stretch[:, None] * np.diff(affine.centres, axis=0)
+    shape[1:, 1:] = affine.centres[0] + np.cumsum(spans, axis=0) - affine.centres[1:]
+    return make_body(anatomy, shape=shape.ravel(), v_hat=anatomy.skin_vertices + soft_tissue(anatomy, rng))
+
+
+def soft_tissue(anatomy: Anatomy, rng: np.random.Generator) -> Floats:
+    """A smooth random displacement (V, 3) m along the skin's normals, of standard deviation SOFT_TISSUE_M."""
+    skin, faces = anatomy.skin_vertices, anatomy.skin_faces
+    centres = skin[rng.choice(len(skin), _SOFT_BUMPS, replace=False)]
+    squared = ((skin[:, None] - centres) ** 2).sum(axis=2)
+    field_ = np.exp(-0.5 * squared / _SOFT_REACH_M**2) @ rng.normal(size=_SOFT_BUMPS)
+    field_ *= SOFT_TISSUE_M / field_.std()
+    return field_[:, None] * vertex_normals(skin, faces, incidence(faces, len(skin)))
+
+
+def bend(phase: Floats) -> dict[str, Floats]:
+    """Elbow bent and stretched twice over a phase (T,) from 0 to 1."""
+    return {"elbow_flexion": np.deg2rad(65.0 - 50.0 * np.cos(4.0 * np.pi * phase))}
+
+
+def twist(phase: Floats) -> dict[str, Floats]:
+    """Forearm turned in and out twice, elbow half bent."""
+    return {
+        "elbow_flexion": np.deg2rad(75.0 + 5.0 * np.sin(2.0 * np.pi * phase)),
+        "pro_sup": np.deg2rad(70.0 * np.sin(4.0 * np.pi * phase)),
+    }
+
+
+def bend_and_twist(phase: Floats) -> dict[str, Floats]:
+    """Elbow, forearm and wrist moving at once, each at its own pace."""
+    return {
+        "elbow_flexion": np.deg2rad(65.0 - 45.0 * np.cos(2.0 * np.pi * phase)),
+        "pro_sup": np.deg2rad(60.0 * np.sin(4.0 * np.pi * phase)),
+        "flexion": np.deg2rad(25.0 * np.sin(6.0 * np.pi * phase)),
+        "deviation": np.deg2rad(5.0 + 8.0 * np.sin(2.0 * np.pi * phase + 1.0)),
+    }
+
+
+MOTIONS: dict[str, Callable[[Floats], dict[str, Floats]]] = {
+    "bend": bend,
+    "twist": twist,
+    "bend-and-twist": bend_and_twist,
+}
+
+
+def perform(
+    body: Body, motions: tuple[str, ...], *, seconds_each: float, fps: float = FPS, seed: int = 0
+) -> Performance:
+    """Motions one after the other, with the swaying of a shoulder that nobody holds still.
+
+    Neighbouring motions are joined by a smooth transition of a third of a second.
+    """
+    count = round(seconds_each * fps)
+    phase = np.arange(count) / count
+    parts = [_theta(body, MOTIONS[name](phase), count) for name in motions]
+    thetas = _sway(body, _joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
+    return Performance(body, np.arange(len(thetas)) / fps, thetas)
+
+
+def read_motion_table(path: Path, body: Body) -> Performance:
+    """A performance from a CSV file: ``time`` (s) and coordinates (rad, m) by name; the rest stays at rest.
+
+    Lines that begin with ``#`` are comments; columns that are no coordinates of the anatomy are passed over.
+
+    Raises:
+        PerformanceError: missing file, no time, no known coordinate, not numbers, or times that do not increase.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
+    except (OSError, UnicodeDecodeError) as error:
+        raise PerformanceError("cannot be read as a table", where=path, remedy="give a CSV file") from error
+    valid = [coordinate.name for coordinate in body.anatomy.coordinates]
+    header = [name.strip() for name in rows[0]] if rows else []
+    if "time" not in header or not set(header) & set(valid):
+        raise PerformanceError(
+            "no column `time`, or none that is a coordinate", where=path, remedy=f"name columns {', '.join(valid)}"
+        )
+    try:
+        table = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(-1, len(header))
+    except ValueError as error:
+        raise PerformanceError("a row is not all numbers or too short", where=path) from error
+    times = table[:, header.index("time")]
+    if not len(table) or not np.isfinite(table).all() or (np.diff(times) <= 0.0).any():
+        raise PerformanceError("values must be finite and times increase", where=path)
+    columns = {name: table[:, k] for k, name in enumerate(header) if name in valid}
+    return Performance(body, times, _theta(body, columns, len(table)))
+
+
+def _theta(body: Body, columns: dict[str, Floats], count: int) -> Floats:
+    thetas = np.tile(rest_theta(body), (count, 1))
+    for joint in body.anatomy.joints:
+        for name in joint.coordinates if joint.type == "universal" else ():
+            thetas[:, body.anatomy.coordinate_index(name)] = 0.0
+    for name, values in columns.items():
+        thetas[:, body.anatomy.coordinate_index(name)] = values
+    return thetas
+
+
+def _joined(parts: list[Floats], transition: int) -> Floats:
+    pieces = [parts[0]]
+    for part in parts[1:]:
+        share = (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, transition + 2)[1:-1, None])) / 2.0
+        pieces += [(1.0 - share) * pieces[-1][-1] + share * part[0], part]
+    return np.concatenate(pieces)
+
+
+def _sway(body: Body, thetas: Floats, fps: float, rng: np.random.Generator) -> Floats:
+    """Slow turns and shifts of the free joint, a few degrees and centimetres."""
+    time = np.arange(len(thetas)) / fps
+    swayed = thetas.copy()
+    for joint in body.anatomy.joints:
+        if joint.type != "free":
+            continue
+        index = [body.anatomy.coordinate_index(name) for name in joint.coordinates]
+        rate, phase = rng.uniform(0.15, 0.45, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
+        waves = np.sin(2.0 * np.pi * rate * time[:, None] + phase)
+        turn = Rotation.from_rotvec(np.deg2rad(10.0) * waves[:, :3])
+        swayed[:, index[:3]] = (turn * Rotation.from_rotvec(thetas[:, index[:3]])).as_rotvec()
+        swayed[:, index[3:]] += 0.02 * waves[:, 3:]
+    return swayed

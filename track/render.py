@@ -1,0 +1,116 @@
+"""Shaded pictures of meshes and points by ray casting: no screen and no graphics driver needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapt.anatomy import Floats, Ints
+from capture._open3d import open3d
+from capture.camera import Camera, project
+from capture.files import replaced_when_complete
+from capture.rigid import apply, inverse, transform
+
+SKIN, BONE, CLOUD = (0.87, 0.66, 0.55), (0.96, 0.94, 0.86), (0.10, 0.35, 0.75)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A mesh to show: vertices (V, 3) m, faces (F, 3), colour (RGB in [0, 1]) and opacity."""
+
+    vertices: Floats = field(repr=False)
+    faces: Ints = field(repr=False)
+    colour: tuple[float, float, float] = SKIN
+    opacity: float = 1.0
+
+
+def look_at(points: Floats, direction: Floats, up: Floats, *, distance_m: float = 2.0) -> Floats:
+    """Pose (4, 4) of an eye ``distance_m`` away along ``direction`` from the middle of points (N, 3)."""
+    forward = -np.asarray(direction) / np.linalg.norm(direction)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return transform(np.column_stack([right, np.cross(forward, right), forward]), middle - distance_m * forward)
+
+
+def framing_camera(world_from_eye: Floats, points: Floats, *, width: int = 640, height: int = 480) -> Camera:
+    """A camera at the eye that has all points (N, 3) in its image, with a margin."""
+    seen = apply(inverse(world_from_eye), points)
+    reach = np.abs(seen[:, :2] / seen[:, 2:]).max(axis=0)
+    focal = 0.46 * min(width / reach[0], height / reach[1])
+    return Camera(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
+
+
+def render(
+    layers: Sequence[Layer],
+    world_from_eye: Floats,
+    camera: Camera,
+    *,
+    points: Floats | None = None,
+    point_colour: tuple[float, float, float] = CLOUD,
+) -> NDArray[np.uint8]:
+    """An image (H, W, 3) of translucent layers, nearest last, with points (N, 3) drawn where nothing hides them.
+
+    A translucent layer does not hide the points behind it; an opaque one does.
+    """
+    image = np.ones((camera.height, camera.width, 3))
+    casts = [_cast(layer, world_from_eye, camera) for layer in layers]
+    depth = np.array([cast[0] for cast in casts])
+    for order in np.argsort(-depth, axis=0):
+        for k, (_, shade) in enumerate(casts):
+            here = (order == k) & np.isfinite(depth[k])
+            alpha = layers[k].opacity
+            image[here] = (1.0 - alpha) * image[here] + alpha * shade[here, None] * np.array(layers[k].colour)
+    if points is not None:
+        opaque = [depth[k] for k, layer in enumerate(layers) if layer.opacity >= 1.0]
+        front = np.min(opaque, axis=0) if opaque else np.full(image.shape[:2], np.inf)
+        _splat(image, points, point_colour, world_from_eye, camera, front)
+    return np.asarray(np.clip(255.0 * image, 0.0, 255.0), dtype=np.uint8)
+
+
+def save_png(image: NDArray[np.uint8], path: Path) -> None:
+    """Write an RGB image (H, W, 3)."""
+    import cv2
+
+    with replaced_when_complete(path) as partial:
+        cv2.imwrite(str(partial), image[:, :, ::-1])
+
+
+def _cast(layer: Layer, world_from_eye: Floats, camera: Camera) -> tuple[Floats, Floats]:
+    """Depth (H, W) (inf where nothing) and shade (H, W) in [0, 1] of one layer."""
+    core = open3d().core
+    scene = open3d().t.geometry.RaycastingScene()
+    scene.add_triangles(
+        core.Tensor.from_numpy(np.ascontiguousarray(layer.vertices, dtype=np.float32)),
+        core.Tensor.from_numpy(np.ascontiguousarray(layer.faces, dtype=np.uint32)),
+    )
+    rays = scene.create_rays_pinhole(camera.matrix, inverse(world_from_eye), camera.width, camera.height)
+    hits = scene.cast_rays(rays)
+    normals = hits["primitive_normals"].numpy()
+    toward = -(normals @ world_from_eye[:3, 2])
+    above = np.abs(normals @ (world_from_eye[:3, 2] + 0.7 * world_from_eye[:3, 1] + 0.4 * world_from_eye[:3, 0]))
+    shade = 0.35 + 0.35 * np.abs(toward) + 0.25 * above
+    return hits["t_hit"].numpy().astype(np.float64), np.minimum(shade, 1.0)
+
+
+def _splat(
+    image: Floats,
+    points: Floats,
+    colour: tuple[float, float, float],
+    world_from_eye: Floats,
+    camera: Camera,
+    front: Floats,
+) -> None:
+    """Draw points as small squares, where no opaque surface is nearer."""
+    uv, z = project(camera, apply(inverse(world_from_eye), points))
+    for du in (0, 1):
+        for dv in (0, 1):
+            u, v = np.rint(uv[:, 0]).astype(int) + du, np.rint(uv[:, 1]).astype(int) + dv
+            inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height) & (z > 0)
+            u, v, near = u[inside], v[inside], z[inside]
+            shown = near < front[v, u] + 0.003
+            image[v[shown], u[shown]] = colour

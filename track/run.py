@@ -1,0 +1,193 @@
+"""Track a whole recording: frame by frame, written as it goes, resumed after a kill.
+
+Each finished frame is a line of ``MOTION/frames.jsonl``. The same command reads it back, drops an incomplete
+last line, and goes on from there; the final files replace it at the end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adapt.anatomy import Floats
+from adapt.fit.correspondences import Target
+from adapt.subject import Subject
+from capture.errors import CloudError
+from capture.fuse import Region, fuse, region_of_interest
+from capture.recording import Instant, Recording, instants
+from track.angles import reported_coordinates, thoraco_humeral
+from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
+from track.opensim_files import write_mot, write_trc
+from track.quality_table import write_quality
+from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+
+JOURNAL = "frames.jsonl"
+
+
+def track_recording(
+    recording: Recording,
+    subject: Subject,
+    out: Path,
+    *,
+    region: Region | None = None,
+    world_from_thorax: Floats | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Motion:
+    """Track a subject through a recording and write the motion folder ``out``.
+
+    Args:
+        recording: calibrated, or of a single sensor.
+        subject: who moves.
+        out: the folder to write; a run that was cut short there is continued.
+        region: where the limb is, instead of the recording's or the automatic region.
+        world_from_thorax: (4, 4), if ISB's thoraco-humeral angles are wanted.
+        progress: told how many frames of how many are done.
+
+    Raises:
+        MotionError: the folder holds something else.
+        RecordingError, CalibrationError: see ``fuse``.
+    """
+    moments = instants(recording)
+    _make_folder(out)
+    region = region or region_of_interest(recording)
+    key = _key(recording, subject, region)
+    frames, state = _resume(out / JOURNAL, key)
+    tracker = make_tracker(subject)
+    with (out / JOURNAL).open("a", encoding="utf-8") as journal:
+        for number in range(len(frames), len(moments)):
+            frame, state = _track_one(recording, tracker, moments[number], state, region)
+            frames.append(frame)
+            journal.write(_line(frame, state) + "\n")
+            journal.flush()
+            progress(number + 1, len(moments))
+    motion = _motion(subject, frames)
+    write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
+    (out / JOURNAL).unlink()
+    return motion
+
+
+def write_motion_folder(
+    motion: Motion, subject: Subject, out: Path, *, world_from_thorax: Floats | None = None
+) -> None:
+    """Write ``motion.npz``, ``angles.mot``, ``centres.trc`` and ``quality.csv``."""
+    columns = reported_coordinates(subject.anatomy, motion.thetas)
+    if world_from_thorax is not None:
+        root = next(joint for joint in subject.anatomy.joints if joint.type == "free")
+        rotation = [subject.anatomy.coordinate_index(name) for name in root.coordinates[:3]]
+        columns |= thoraco_humeral(world_from_thorax, motion.thetas, rotation)
+    write_mot(out / "angles.mot", motion.times, columns)
+    write_trc(out / "centres.trc", motion.times, motion.centres)
+    write_quality(out / "quality.csv", motion, subject.anatomy)
+    save_motion(motion, out)
+
+
+def _track_one(
+    recording: Recording, tracker: Tracker, moment: Instant, state: TrackerState | None, region: Region
+) -> tuple[TrackedFrame, TrackerState | None]:
+    try:
+        target = Target(fuse(recording, moment, region=region))
+    except CloudError as error:
+        return tracker.missed(moment.time_s, error.problem), state
+    if state is None:
+        return tracker.first(target, moment.time_s)
+    return tracker.follow(target, moment.time_s, state)
+
+
+def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
+    thetas = np.array([frame.theta for frame in frames])
+    transforms, centres = bones_and_centres(subject, thetas)
+    deviations = np.array([np.sqrt(np.diag(frame.covariance)) for frame in frames])
+    deviations[~np.isfinite(thetas)] = np.nan
+    return Motion(
+        anatomy=subject.anatomy.name,
+        coordinates=coordinate_names(subject.anatomy),
+        times=np.array([frame.time_s for frame in frames]),
+        thetas=thetas,
+        deviations=deviations,
+        lost=tuple(frame.lost for frame in frames),
+        residuals=np.array([frame.residual_m for frame in frames]),
+        coverage=np.array([frame.coverage for frame in frames]),
+        matches=np.array([frame.matches for frame in frames]),
+        transforms=transforms,
+        centres=centres,
+    )
+
+
+def _make_folder(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise MotionError("is a file, not a folder", where=out, remedy="give another name")
+    out.mkdir(parents=True, exist_ok=True)
+    strange = [path.name for path in out.iterdir() if path.name not in _OWN]
+    if strange:
+        raise MotionError(f"holds {strange[0]}, which is not a motion's", where=out, remedy="give another folder")
+
+
+_OWN = {JOURNAL, "motion.npz", "angles.mot", "centres.trc", "quality.csv"}
+
+
+def _key(recording: Recording, subject: Subject, region: Region) -> str:
+    """What a journal must have been made from to be continued."""
+    digest = hashlib.sha256()
+    for sensor in recording.sensors:
+        digest.update(f"{sensor.name} {[(f.path.name, f.time_s) for f in sensor.frames]}".encode())
+    if recording.calibration is not None:
+        for name, calibration in recording.calibration.sensors.items():
+            digest.update(name.encode() + np.ascontiguousarray(calibration.world_from_sensor).tobytes())
+    for array in (subject.body.shape, subject.body.v_hat, subject.thetas, region.minimum, region.maximum):
+        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    return digest.hexdigest()
+
+
+def _line(frame: TrackedFrame, state: TrackerState | None) -> str:
+    return json.dumps(
+        {
+            "time_s": frame.time_s,
+            "theta": frame.theta.tolist(),
+            "covariance": frame.covariance.tolist(),
+            "residual_m": frame.residual_m,
+            "coverage": frame.coverage,
+            "matches": frame.matches,
+            "lost": frame.lost,
+            "state": None
+            if state is None
+            else {"time_s": state.time_s, "theta": state.theta.tolist(), "velocity": state.velocity.tolist()},
+        }
+    )
+
+
+def _resume(path: Path, key: str) -> tuple[list[TrackedFrame], TrackerState | None]:
+    """Frames and state of a journal made from the same things; an empty journal with that key otherwise."""
+    frames: list[TrackedFrame] = []
+    state: TrackerState | None = None
+    lines = path.read_text(encoding="utf-8").split("\n") if path.is_file() else []
+    if lines and lines[0] == key:
+        for line in lines[1:-1]:  # what follows the last newline was cut short
+            entry = json.loads(line)
+            frames.append(_frame(entry))
+            state = _state(entry["state"])
+    kept = [key, *lines[1 : 1 + len(frames)]]
+    path.write_text("\n".join(kept) + "\n", encoding="utf-8")
+    return frames, state
+
+
+def _frame(entry: dict[str, Any]) -> TrackedFrame:
+    return TrackedFrame(
+        time_s=entry["time_s"],
+        theta=np.array(entry["theta"], dtype=np.float64),
+        covariance=np.array(entry["covariance"], dtype=np.float64),
+        residual_m=entry["residual_m"],
+        coverage=entry["coverage"],
+        matches=entry["matches"],
+        lost=entry["lost"],
+    )
+
+
+def _state(entry: dict[str, Any] | None) -> TrackerState | None:
+    if entry is None:
+        return None
+    return TrackerState(entry["time_s"], np.array(entry["theta"]), np.array(entry["velocity"]))
