@@ -202,7 +202,7 @@ def distance_to_mesh(points: Floats, vertices: Floats, faces: NDArray[np.int64])
     squared, _, _ = igl.point_mesh_squared_distance(
         np.ascontiguousarray(points), np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
     )
-    return np.sqrt(np.asarray(squared))
+    return np.asarray(np.sqrt(squared), dtype=np.float64)
 
 
 def write_evaluation(evaluation: Evaluation, path: Path) -> None:

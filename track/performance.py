@@ -7,8 +7,9 @@ tissue that the handles cannot express.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+import json
 from dataclasses import dataclass, field
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -58,39 +59,28 @@ def soft_tissue(anatomy: Anatomy, rng: np.random.Generator) -> Floats:
     skin, faces = anatomy.skin_vertices, anatomy.skin_faces
     centres = skin[rng.choice(len(skin), _SOFT_BUMPS, replace=False)]
     squared = ((skin[:, None] - centres) ** 2).sum(axis=2)
-    field_ = np.exp(-0.5 * squared / _SOFT_REACH_M**2) @ rng.normal(size=_SOFT_BUMPS)
-    field_ *= SOFT_TISSUE_M / field_.std()
-    return field_[:, None] * vertex_normals(skin, faces, incidence(faces, len(skin)))
+    bumps = np.exp(-0.5 * squared / _SOFT_REACH_M**2) @ rng.normal(size=_SOFT_BUMPS)
+    bumps *= SOFT_TISSUE_M / bumps.std()
+    return np.asarray(bumps[:, None] * vertex_normals(skin, faces, incidence(faces, len(skin))))
 
 
-def bend(phase: Floats) -> dict[str, Floats]:
-    """Elbow bent and stretched twice over a phase (T,) from 0 to 1."""
-    return {"elbow_flexion": np.deg2rad(65.0 - 50.0 * np.cos(4.0 * np.pi * phase))}
+def motion_names(anatomy: Anatomy) -> tuple[str, ...]:
+    """The made-up motions that there are for an anatomy (``track/motions/NAME.json``)."""
+    return tuple(_motions(anatomy))
 
 
-def twist(phase: Floats) -> dict[str, Floats]:
-    """Forearm turned in and out twice, elbow half bent."""
-    return {
-        "elbow_flexion": np.deg2rad(75.0 + 5.0 * np.sin(2.0 * np.pi * phase)),
-        "pro_sup": np.deg2rad(70.0 * np.sin(4.0 * np.pi * phase)),
-    }
+def _motions(anatomy: Anatomy) -> dict[str, dict[str, dict[str, float]]]:
+    path = Path(str(resources.files("track") / "motions" / f"{anatomy.name}.json"))
+    if not path.is_file():
+        raise PerformanceError(f"no motions for {anatomy.name}", where=path, remedy="perform a motion table instead")
+    motions: dict[str, dict[str, dict[str, float]]] = json.loads(path.read_text(encoding="utf-8"))
+    return motions
 
 
-def bend_and_twist(phase: Floats) -> dict[str, Floats]:
-    """Elbow, forearm and wrist moving at once, each at its own pace."""
-    return {
-        "elbow_flexion": np.deg2rad(65.0 - 45.0 * np.cos(2.0 * np.pi * phase)),
-        "pro_sup": np.deg2rad(60.0 * np.sin(4.0 * np.pi * phase)),
-        "flexion": np.deg2rad(25.0 * np.sin(6.0 * np.pi * phase)),
-        "deviation": np.deg2rad(5.0 + 8.0 * np.sin(2.0 * np.pi * phase + 1.0)),
-    }
-
-
-MOTIONS: dict[str, Callable[[Floats], dict[str, Floats]]] = {
-    "bend": bend,
-    "twist": twist,
-    "bend-and-twist": bend_and_twist,
-}
+def _wave(phase: Floats, *, middle_deg: float, swing_deg: float, cycles: float, phase_deg: float) -> Floats:
+    """An angle (T,) in radians that swings about its middle while ``phase`` (T,) runs from 0 to 1."""
+    turn = 2.0 * np.pi * cycles * phase + np.deg2rad(phase_deg)
+    return np.asarray(np.deg2rad(middle_deg + swing_deg * np.sin(turn)))
 
 
 def perform(
@@ -102,7 +92,9 @@ def perform(
     """
     count = round(seconds_each * fps)
     phase = np.arange(count) / count
-    parts = [_theta(body, MOTIONS[name](phase), count) for name in motions]
+    known = _motions(body.anatomy)
+    waves = [{name: _wave(phase, **wave) for name, wave in known[motion].items()} for motion in motions]
+    parts = [_theta(body, columns, count) for columns in waves]
     thetas = _sway(body, _joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
     return Performance(body, np.arange(len(thetas)) / fps, thetas)
 

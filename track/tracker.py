@@ -16,7 +16,8 @@ from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.start import ScoredPose, find_pose, score_pose
+from adapt.fit.score import ScoredPose, score_pose
+from adapt.fit.start import find_pose
 from adapt.model.body import pose_skin_varying
 from adapt.subject import Subject
 from capture.errors import FitError

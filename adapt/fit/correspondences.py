@@ -65,13 +65,31 @@ def visible_from(view: View, vertices: Floats, normals: Floats) -> NDArray[np.bo
     sensor = view.world_from_sensor[:3, 3]
     sight = sensor - vertices
     facing = np.einsum("ij,ij->i", normals, sight) > _FACING * np.linalg.norm(sight, axis=1)
-    uv, z = project(view.camera, apply(inverse(view.world_from_sensor), vertices))
+    measured, z, inside = depth_at(view, vertices)
+    hidden = (measured > 0.0) & (measured < z - _OCCLUDED_M)
+    return np.asarray(facing & inside & ~hidden)
+
+
+def depth_at(view: View, points: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Where points (N, 3) fall in a view's image: the depth measured there, their own depth (N,) m, whether inside.
+
+    Nothing measured, or outside the image, is 0.
+    """
+    row, column, inside = pixel_of(view, points)
+    z = (points - view.world_from_sensor[:3, 3]) @ view.world_from_sensor[:3, 2]
+    return np.where(inside, view.depth[row, column], 0.0), z, inside
+
+
+def pixel_of(view: View, points: Floats) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+    """Row and column (N,) of the pixels that points (N, 3) fall on, and whether they fall inside the image.
+
+    Outside, row and column are 0.
+    """
+    uv, z = project(view.camera, apply(inverse(view.world_from_sensor), points))
     pixel = np.rint(np.nan_to_num(uv, nan=-1.0)).astype(np.int64)
     height, width = view.depth.shape
     inside = (z > 0.0) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
-    measured = view.depth[np.where(inside, pixel[:, 1], 0), np.where(inside, pixel[:, 0], 0)]
-    hidden = (measured > 0.0) & (measured < z - _OCCLUDED_M)
-    return np.asarray(facing & inside & ~hidden)
+    return np.where(inside, pixel[:, 1], 0), np.where(inside, pixel[:, 0], 0), inside
 
 
 def find_corres(

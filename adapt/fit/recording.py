@@ -16,8 +16,9 @@ from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
 from adapt.fit.pose import PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
+from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
-from adapt.fit.start import ScoredPose, find_pose, score_pose
+from adapt.fit.start import find_pose
 from adapt.model.body import Body, make_body
 from adapt.subject import Subject
 from capture.errors import BonetrackError, CloudError, FitError

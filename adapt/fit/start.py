@@ -15,36 +15,23 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Target, visible_from
-from adapt.fit.pose import PoseFit, fit_pose
+from adapt.fit.correspondences import Target
+from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
+from adapt.fit.score import ATTACHED_M, FAR_M, ScoredPose, attached_share, score_pose
+from adapt.fit.slender import slender_parts
 from adapt.model.body import Body, pose_skin, rest_theta
 from capture.errors import FitError
 from capture.fuse import Cloud
 from capture.rigid import exp_so3
 
-FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
 _COARSE_VERTICES = 100
 _COARSE_POINTS = 60
 _ROTATIONS = 600  # about 25 degrees apart
 _REFINED = 12
-_EXTREMITIES = 5
+_PARTS = 4  # of the slender parts, the largest
+_EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
-
-
-@dataclass(frozen=True)
-class ScoredPose:
-    """A pose with how badly it explains the cloud (m): skin without points plus points without skin."""
-
-    fit: PoseFit
-    skin_m: float
-    cloud_m: float
-    coverage: float  # share of the skin that should be seen and is
-
-    @property
-    def badness_m(self) -> float:
-        """What candidates are compared by."""
-        return self.skin_m + self.cloud_m
 
 
 def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
@@ -54,45 +41,13 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
         FitError: no start finds enough correspondences.
     """
     sample = sample_skin(body.anatomy, at_most=600, seed=seed)
-    candidates = _coarse_candidates(body, target, np.random.default_rng(seed))
+    candidates = _coarse_candidates(body, slender_parts(target.cloud)[:_PARTS], np.random.default_rng(seed))
     refined = [score for theta in candidates if (score := _refine(body, target, theta, sample)) is not None]
     if not refined:
         raise FitError(
             "no pose of the anatomy fits the cloud", remedy="narrow the region of interest or give a first pose"
         )
     return min(refined, key=lambda pose: pose.badness_m)
-
-
-def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> ScoredPose:
-    """Score a fitted pose in both directions, distances truncated at FAR_M."""
-    skin = pose_skin(body, fit.theta)
-    normals = sample.normals(skin)
-    points, weight = skin[sample.vertices], sample.observations[sample.vertices]
-    distance, should_show = _distance_if_visible(target, points, normals[sample.vertices])
-    skin_m = float(np.average(distance, weights=weight * should_show)) if should_show.any() else FAR_M
-    coverage = float(np.average(distance < 0.5 * FAR_M, weights=weight * should_show)) if should_show.any() else 0.0
-    tree = cKDTree(skin[:: max(1, len(skin) // 2000)])
-    cloud = target.cloud.points[:: max(1, len(target.cloud.points) // 500)]
-    unexplained, _ = tree.query(cloud)
-    return ScoredPose(fit, skin_m, float(np.minimum(unexplained, FAR_M).mean()), coverage)
-
-
-def _distance_if_visible(target: Target, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Truncated distance (N,) to the nearest point of a sensor that a vertex faces, and the weight (N,) of it.
-
-    A vertex that faces a sensor but is hidden by something nearer may rightly be hidden: it counts, at half
-    weight, as unexplained, so that hiding the whole limb behind the trunk does not pay.
-    """
-    distance, weight = np.full(len(points), FAR_M), np.zeros(len(points))
-    for view, _, tree in target.parts:
-        sight = view.world_from_sensor[:3, 3] - points
-        faces = np.einsum("ij,ij->i", normals, sight) > 0.3 * np.linalg.norm(sight, axis=1)
-        seen = visible_from(view, points, normals) & faces
-        nearest, _ = tree.query(points[seen])
-        distance[seen] = np.minimum(distance[seen], nearest)
-        weight[seen] = 1.0
-        weight[faces & ~seen] = np.maximum(weight[faces & ~seen], 0.5)
-    return distance, weight
 
 
 def _refine(body: Body, target: Target, theta: Floats, sample: SkinSample) -> ScoredPose | None:
@@ -115,14 +70,15 @@ class _Coarse:
     tip: Floats = field(repr=False)
 
 
-def _coarse_candidates(body: Body, target: Target, rng: np.random.Generator) -> list[Floats]:
-    """The most promising distinct starts."""
+def _coarse_candidates(body: Body, parts: list[Cloud], rng: np.random.Generator) -> list[Floats]:
+    """The most promising distinct starts in any of the parts."""
     rotations = Rotation.random(_ROTATIONS, rng=rng).as_matrix()
     thetas, scores = [], []
     for configuration in _configurations(body):
-        for theta, score in _place(configuration, rotations, target):
-            thetas.append(theta)
-            scores.append(score)
+        for part in parts:
+            for theta, score in _place(configuration, rotations, part):
+                thetas.append(theta)
+                scores.append(score)
     order = np.argsort(np.concatenate(scores), kind="stable")
     return _distinct(np.concatenate(thetas)[order], _root(body.anatomy), _REFINED)
 
@@ -159,14 +115,14 @@ def _root(anatomy: Anatomy) -> Ints:
     return np.array([anatomy.coordinate_index(name) for name in joint.coordinates])
 
 
-def _place(coarse: _Coarse, rotations: Floats, target: Target) -> Iterator[tuple[Floats, Floats]]:
+def _place(coarse: _Coarse, rotations: Floats, cloud: Cloud) -> Iterator[tuple[Floats, Floats]]:
     """Turn one configuration every way, put its middle on the cloud's middle and its tip on each extremity."""
-    cloud = target.cloud
     eyes = np.array([view.world_from_sensor[:3, 3] for view in cloud.views])
     toward = eyes.mean(axis=0) - cloud.points.mean(axis=0)
     toward /= np.linalg.norm(toward)
     points = np.einsum("rij,nj->rni", rotations, coarse.points)
-    facing = np.einsum("rij,nj,i->rn", rotations, coarse.normals, toward)
+    normals = np.einsum("rij,nj->rni", rotations, coarse.normals)
+    facing = normals @ toward
     weights = coarse.weights * (facing > 0.2)
     total = np.maximum(weights.sum(axis=1), 1e-9)
     middle = np.einsum("rn,rni->ri", weights, points) / total[:, None]
@@ -178,7 +134,9 @@ def _place(coarse: _Coarse, rotations: Floats, target: Target) -> Iterator[tuple
     for shift in anchors:
         distance, _ = tree.query((points + shift[:, None]).reshape(-1, 3), distance_upper_bound=FAR_M)
         distance = np.minimum(distance, FAR_M).reshape(points.shape[:2])
-        score = (weights * distance).sum(axis=1) / total + _unexplained(points + shift[:, None], cloud)
+        placed = points + shift[:, None]
+        score = (weights * distance).sum(axis=1) / total + _unexplained(placed, cloud)
+        score += ATTACHED_M * attached_share(cloud, placed, normals, coarse.weights)
         theta = np.tile(coarse.theta, (len(rotations), 1))
         theta[:, coarse.root] = np.column_stack([vectors, shift])
         yield theta, score

@@ -1,0 +1,93 @@
+"""The accuracy protocol: random subjects, simulated by two sensors, everything automatic, scored by the truth.
+
+    python -m track.protocol --anatomy upper-limb-right --subjects 5 --out DIR
+
+A heavy evaluation, not a test. Each subject's result is a file in DIR; a run that was cut short goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.table import Table
+
+from adapt.anatomy import Anatomy, load_anatomy
+from adapt.fit.recording import adapt_recording
+from adapt.subject import save_subject
+from capture.calibrate import calibrate_recording, write_calibration
+from capture.console import stdout
+from capture.files import replaced_when_complete
+from capture.recording import Recording, open_recording
+from capture.sensor import NoiseModel, carmine
+from track.evaluate import evaluate_motion
+from track.performance import motion_names, perform, random_body
+from track.run import track_recording
+from track.simulate import simulate_performance
+
+NOISES = {"carmine": carmine(), "none": NoiseModel()}
+
+
+def run_subject(anatomy: Anatomy, seed: int, noise: str, seconds_each: float, folder: Path) -> dict[str, Any]:
+    """Simulate, calibrate, adapt, track and evaluate one random subject; returns the evaluation as plain JSON."""
+    body = random_body(anatomy, seed)
+    performance = perform(body, motion_names(anatomy), seconds_each=seconds_each, seed=seed)
+    recording = simulate_performance(performance, folder / "recording", noise=NOISES[noise], seed=seed, overwrite=True)
+    recording = calibrated(recording)
+    subject = adapt_recording(recording, anatomy)
+    save_subject(subject, folder / "subject.npz")
+    shutil.rmtree(folder / "motion", ignore_errors=True)
+    motion = track_recording(recording, subject, folder / "motion")
+    evaluation = evaluate_motion(motion, subject, recording)
+    return {"seed": seed, "noise": noise, "seconds_each": seconds_each} | evaluation.as_json()
+
+
+def calibrated(recording: Recording) -> Recording:
+    """The recording with its box calibration stored."""
+    write_calibration(recording, calibrate_recording(recording))
+    return open_recording(recording.path)
+
+
+def error_table(results: list[dict[str, Any]], title: str) -> Table:
+    """Mean ± SD (maximum) of every kind of error, a column per subject and one over all."""
+    table = Table("error", "unit", *[f"subject {r['seed']}" for r in results], "all", title=title)
+    for name, first in results[0]["errors"].items():
+        rows = [r["errors"][name] for r in results]
+        cells = [f"{row['mean']:.2f} ± {row['sd']:.2f} ({row['max']:.1f})" for row in rows]
+        mean = np.mean([row["mean"] for row in rows])
+        table.add_row(name, first["unit"], *cells, f"{mean:.2f} ({max(row['max'] for row in rows):.1f})")
+    table.add_row("frames lost", "", *[f"{r['lost']} of {r['frames']}" for r in results], "")
+    return table
+
+
+@click.command()
+@click.option("--anatomy", default="upper-limb-right", show_default=True)
+@click.option("--subjects", default=5, show_default=True, help="How many random subjects.")
+@click.option("--first-seed", default=1, show_default=True)
+@click.option("--noise", type=click.Choice([*NOISES, "both"]), default="both", show_default=True)
+@click.option("--seconds", default=2.0, show_default=True, help="Length of each of the motions.")
+@click.option("--out", required=True, type=click.Path(path_type=Path))
+def main(anatomy: str, subjects: int, first_seed: int, noise: str, seconds: float, out: Path) -> None:
+    """Run the accuracy protocol and print its tables."""
+    template = load_anatomy(anatomy)
+    for kind in NOISES if noise == "both" else [noise]:
+        results = []
+        for seed in range(first_seed, first_seed + subjects):
+            folder = out / f"{kind}-{seed}"
+            done = folder / "errors.json"
+            if not done.is_file():
+                folder.mkdir(parents=True, exist_ok=True)
+                with stdout.status(f"subject {seed}, noise {kind}"):
+                    result = run_subject(template, seed, kind, seconds, folder)
+                with replaced_when_complete(done) as partial:
+                    partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+            results.append(json.loads(done.read_text(encoding="utf-8")))
+        stdout.print(error_table(results, f"{anatomy}, noise: {kind}, {seconds:g} s a motion"))
+
+
+if __name__ == "__main__":
+    main()
