@@ -13,7 +13,9 @@ from capture.console import stdout
 @click.command("adapt")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("--anatomy", required=True, help="The limb, such as upper-limb-right.")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="The subject file to write (.npz).")
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The subject file to write (.npz)."
+)
 @click.option("--poses", default=6, show_default=True, help="Number of example poses, 4 to 8.")
 @click.option("--frames", default=None, help="Frames to adapt to, such as 0,12,40,77, instead of the automatic choice.")
 @click.option(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,18 @@ from capture.files import replaced_when_complete
 
 FORMAT = "bonetrack-subject"
 VERSION = 1
+
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What numpy raises for an ``.npz`` file that is cut short, damaged, or something else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +62,10 @@ def save_subject(subject: Subject, path: Path) -> None:
         "report": subject.report,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replaced_when_complete(path) as partial:
+    # An open file, because numpy adds a suffix to a name without one.
+    with replaced_when_complete(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
-            partial,
+            file,
             description=np.array(json.dumps(description)),
             shape=subject.body.shape,
             displacement=(subject.body.v_hat - subject.anatomy.skin_vertices).astype(np.float32),
@@ -72,9 +87,9 @@ def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
         with np.load(path, allow_pickle=False) as data:
             description = json.loads(str(data["description"]))
             arrays = {key: data[key].astype(np.float64) for key in data.files if key != "description"}
-    except (OSError, ValueError, KeyError, EOFError) as error:
+        return _from_parts(path, description, arrays, anatomy)
+    except UNREADABLE as error:
         raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`") from error
-    return _from_parts(path, description, arrays, anatomy)
 
 
 def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: str | None) -> Subject:
@@ -95,5 +110,8 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: 
         raise AnatomyError(
             f"made with another template of {template.name}", where=path, remedy="adapt the subject again"
         )
-    body = make_body(template, shape=arrays["shape"], v_hat=template.skin_vertices + arrays["displacement"])
+    try:
+        body = make_body(template, shape=arrays["shape"], v_hat=template.skin_vertices + arrays["displacement"])
+    except AnatomyError as error:
+        raise AnatomyError(error.problem, where=path, remedy="adapt the subject again") from error
     return Subject(body, arrays["thetas"], arrays["times"], arrays["covariance"], description["report"])

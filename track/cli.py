@@ -37,7 +37,7 @@ for command in (
 def main() -> None:
     """Run the command line: exit code 0 done, 2 wrong command line, 1 any other failure."""
     try:
-        bonetrack.main(standalone_mode=False)
+        bonetrack.main(prog_name="bonetrack", standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)

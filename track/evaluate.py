@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
-from adapt.subject import Subject
+from adapt.subject import UNREADABLE, Subject
 from capture.recording import Recording, world_from_sensor
 from capture.rigid import apply, inverse, log_so3, transform
 from track.motion import Motion, MotionError
@@ -103,7 +103,7 @@ def read_truth(recording: Recording) -> Truth:
             v_hat = anatomy.skin_vertices + data["displacement"]
             sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
             return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except UNREADABLE as error:
         raise MotionError("does not hold an anatomy's truth", where=path, remedy=remedy) from error
 
 

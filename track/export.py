@@ -10,6 +10,7 @@ import numpy as np
 from adapt.anatomy import Floats, Ints
 from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.subject import Subject
+from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
 from track.motion import Motion, MotionError
@@ -29,8 +30,15 @@ def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | N
     """Write joint angles (``.mot``, CSV) and centres (``.trc``); with ``frame`` also that frame's skin and bones.
 
     Raises:
-        MotionError: the frame does not exist or was lost.
+        MotionError: the frame does not exist or was lost, or the subject is of another anatomy.
     """
+    if motion.anatomy != subject.anatomy.name:
+        raise MotionError(
+            f"a motion of anatomy {motion.anatomy!r} does not go with a subject of {subject.anatomy.name!r}",
+            remedy="give the subject that was tracked",
+        )
+    if frame is not None:
+        _check_frame(motion, frame)
     out.mkdir(parents=True, exist_ok=True)
     columns = reported_coordinates(subject.anatomy, motion.thetas)
     write_mot(out / "angles.mot", motion.times, columns)
@@ -41,11 +49,14 @@ def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | N
     return written
 
 
-def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
+def _check_frame(motion: Motion, frame: int) -> None:
     if not 0 <= frame < len(motion.times):
         raise MotionError(f"no frame {frame}", remedy=f"frames run from 0 to {len(motion.times) - 1}")
     if motion.lost[frame]:
         raise MotionError(f"frame {frame} was lost: {motion.lost[frame]}", remedy="choose another frame")
+
+
+def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
     theta = motion.thetas[frame]
     written = [_ply(out / f"skin_{frame:05d}.ply", pose_skin(body, theta), body.anatomy.skin_faces)]
     bones = posed_bones(body, theta)
@@ -64,14 +75,14 @@ def _csv(path: Path, times: Floats, columns: dict[str, Floats]) -> Path:
 
 
 def _ply(path: Path, vertices: Floats, faces: Ints) -> Path:
-    """Write a triangle mesh (m) as binary PLY."""
-    header = (
-        f"ply\nformat binary_little_endian 1.0\ncomment metres\nelement vertex {len(vertices)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
-    rows["count"], rows["index"] = 3, faces
+    """Write a triangle mesh (m) as binary PLY.
+
+    Raises:
+        MotionError: the file could not be written.
+    """
+    geometry, utility = open3d().geometry, open3d().utility
+    mesh = geometry.TriangleMesh(utility.Vector3dVector(vertices), utility.Vector3iVector(faces))
     with replaced_when_complete(path) as partial:
-        partial.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
+        if not open3d().io.write_triangle_mesh(str(partial), mesh, write_vertex_normals=False):
+            raise MotionError("could not be written", where=path, remedy="check the disk")
     return path

@@ -14,7 +14,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import bone_transforms, joint_centres
-from adapt.subject import Subject
+from adapt.subject import UNREADABLE, Subject
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 
@@ -110,7 +110,7 @@ def load_motion(folder: Path) -> Motion:
             centres=_group(arrays, "centres/"),
             **{name: arrays[name] for name in _ARRAYS},
         )
-    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+    except UNREADABLE as error:
         raise MotionError("not a motion file", where=path, remedy="make one with `bonetrack track`") from error
 
 

@@ -108,7 +108,7 @@ def read_motion_table(path: Path, body: Body) -> Performance:
         PerformanceError: missing file, no time, no known coordinate, not numbers, or times that do not increase.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:  # spreadsheets begin with a byte order mark
             rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
     except (OSError, UnicodeDecodeError) as error:
         raise PerformanceError("cannot be read as a table", where=path, remedy="give a CSV file") from error
@@ -119,12 +119,16 @@ def read_motion_table(path: Path, body: Body) -> Performance:
             "no column `time`, or none that is a coordinate", where=path, remedy=f"name columns {', '.join(valid)}"
         )
     try:
-        table = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(-1, len(header))
+        table = np.array([[float(cell) for _, cell in zip(header, row, strict=True)] for row in rows[1:]])
     except ValueError as error:
-        raise PerformanceError("a row is not all numbers or too short", where=path) from error
+        raise PerformanceError(
+            "a row is not all numbers, too short or too long", where=path, remedy="give one number per column"
+        ) from error
+    if not len(table):
+        raise PerformanceError("has no rows", where=path, remedy="give one row per frame")
     times = table[:, header.index("time")]
-    if not len(table) or not np.isfinite(table).all() or (np.diff(times) <= 0.0).any():
-        raise PerformanceError("values must be finite and times increase", where=path)
+    if not np.isfinite(table).all() or (np.diff(times) <= 0.0).any():
+        raise PerformanceError("values must be finite and times increase", where=path, remedy="mend the table")
     columns = {name: table[:, k] for k, name in enumerate(header) if name in valid}
     return Performance(body, times, _theta(body, columns, len(table)))
 

@@ -18,6 +18,7 @@ from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.subject import Subject
 from capture.errors import CloudError
+from capture.files import replaced_when_complete
 from capture.fuse import Region, fuse, region_of_interest
 from capture.recording import Instant, Recording, instants
 from track.angles import reported_coordinates, thoraco_humeral
@@ -122,6 +123,8 @@ def _make_folder(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise MotionError("is a file, not a folder", where=out, remedy="give another name")
     out.mkdir(parents=True, exist_ok=True)
+    for left_over in out.glob(".*.partial-*"):  # of a run that was killed while it wrote
+        left_over.unlink()
     strange = [path.name for path in out.iterdir() if path.name not in _OWN]
     if strange:
         raise MotionError(f"holds {strange[0]}, which is not a motion's", where=out, remedy="give another folder")
@@ -134,11 +137,15 @@ def _key(recording: Recording, subject: Subject, region: Region) -> str:
     """What a journal must have been made from to be continued."""
     digest = hashlib.sha256()
     for sensor in recording.sensors:
-        digest.update(f"{sensor.name} {[(f.path.name, f.time_s) for f in sensor.frames]}".encode())
+        digest.update(f"{sensor.name} {sensor.camera} {sensor.depth_unit_m} {sensor.depth_range_m}".encode())
+        for frame in sensor.frames:
+            written = frame.path.stat()
+            digest.update(f"{frame.path.name} {frame.time_s} {written.st_size} {written.st_mtime_ns}".encode())
     if recording.calibration is not None:
         for name, calibration in recording.calibration.sensors.items():
             digest.update(name.encode() + np.ascontiguousarray(calibration.world_from_sensor).tobytes())
-    for array in (subject.body.shape, subject.body.v_hat, subject.thetas, region.minimum, region.maximum):
+    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance)
+    for array in (*person, region.minimum, region.maximum):
         digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     return digest.hexdigest()
 
@@ -153,9 +160,7 @@ def _line(frame: TrackedFrame, state: TrackerState | None) -> str:
             "coverage": frame.coverage,
             "matches": frame.matches,
             "lost": frame.lost,
-            "state": None
-            if state is None
-            else {"time_s": state.time_s, "theta": state.theta.tolist(), "velocity": state.velocity.tolist()},
+            "state": None if state is None else _state_entry(state),
         }
     )
 
@@ -164,14 +169,18 @@ def _resume(path: Path, key: str) -> tuple[list[TrackedFrame], TrackerState | No
     """Frames and state of a journal made from the same things; an empty journal with that key otherwise."""
     frames: list[TrackedFrame] = []
     state: TrackerState | None = None
-    lines = path.read_text(encoding="utf-8").split("\n") if path.is_file() else []
+    lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
     if lines and lines[0] == key:
         for line in lines[1:-1]:  # what follows the last newline was cut short
-            entry = json.loads(line)
+            try:
+                entry = json.loads(line)
+            except ValueError:  # damaged: it and what follows is tracked again
+                break
             frames.append(_frame(entry))
             state = _state(entry["state"])
     kept = [key, *lines[1 : 1 + len(frames)]]
-    path.write_text("\n".join(kept) + "\n", encoding="utf-8")
+    with replaced_when_complete(path) as partial:
+        partial.write_text("\n".join(kept) + "\n", encoding="utf-8")
     return frames, state
 
 
@@ -187,7 +196,16 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
     )
 
 
+def _state_entry(state: TrackerState) -> dict[str, Any]:
+    return {
+        "time_s": state.time_s,
+        "theta": state.theta.tolist(),
+        "velocity": state.velocity.tolist(),
+        "searched_s": state.searched_s,
+    }
+
+
 def _state(entry: dict[str, Any] | None) -> TrackerState | None:
     if entry is None:
         return None
-    return TrackerState(entry["time_s"], np.array(entry["theta"]), np.array(entry["velocity"]))
+    return TrackerState(entry["time_s"], np.array(entry["theta"]), np.array(entry["velocity"]), entry["searched_s"])

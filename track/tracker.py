@@ -7,7 +7,7 @@ that has loosened meanwhile.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,22 +17,22 @@ from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import ScoredPose, score_pose
-from adapt.fit.start import find_pose
+from adapt.fit.start import locate
 from adapt.model.body import pose_skin_varying
 from adapt.subject import Subject
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
 
 SAMPLED_VERTICES = 2500
-ACCELERATION_RAD_S2 = 40.0  # standard deviation of joint accelerations in the motion prior
-ACCELERATION_M_S2 = 10.0
+ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
+ACCELERATION_M_S2 = 20.0
 _FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower than this
 _MEMORY_S = 0.25  # a velocity older than this says nothing any more
 LEAST_COVERAGE = 0.45
 LARGEST_RESIDUAL_M = 0.006
 _GATE_M = 0.03
 _UPDATES, _STEPS = 6, 1
-_GOOD_START_M = 0.02
+_FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,12 @@ class TrackedFrame:
 
 @dataclass(frozen=True)
 class TrackerState:
-    """What the next frame needs: the last two tracked poses and their times."""
+    """What the next frame needs: the last tracked pose, its time, its velocity, and when the limb was searched."""
 
     time_s: float
     theta: Floats
     velocity: Floats  # (n,) rad/s, m/s
+    searched_s: float = -np.inf
 
 
 @dataclass(frozen=True)
@@ -67,15 +68,21 @@ class Tracker:
     def first(self, target: Target, time_s: float) -> tuple[TrackedFrame, TrackerState | None]:
         """Track a frame without a past: from the subject's example poses, else from many starts."""
         try:
-            start = self._best_example(target) or find_pose(self.subject.body, target)
-            fit = fit_pose(self.subject.body, target, start.fit.theta, self.sample)
+            start = locate(self.subject.body, target, self.sample, list(self.subject.thetas))
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), None
-        frame = self._judge(target, fit, time_s)
+        frame = self._judge(start, time_s)
         return frame, None if frame.lost else TrackerState(time_s, frame.theta, np.zeros_like(frame.theta))
 
     def follow(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
-        """Track a frame from the last tracked one; the state is unchanged when the frame is lost."""
+        """Track a frame from the last tracked one.
+
+        When the frame is lost the state is unchanged, but for the time of the last search: a pose long gone says
+        nothing of where the limb is now, so it is looked for anew, though not on every frame.
+        """
+        if time_s - max(state.time_s, state.searched_s) > _FORGOTTEN_S:
+            frame, found = self.first(target, time_s)
+            return frame, found or replace(state, searched_s=time_s)
         prior = predict(self.subject.anatomy, state, time_s)
         try:
             fit = fit_pose(
@@ -90,7 +97,7 @@ class Tracker:
             )
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), state
-        frame = self._judge(target, fit, time_s)
+        frame = self._judge(score_pose(self.subject.body, target, fit, self.sample), time_s)
         if frame.lost:
             return frame, state
         elapsed = time_s - state.time_s
@@ -101,20 +108,8 @@ class Tracker:
         """A frame that cannot even be looked at."""
         return _lost(self.subject.anatomy, time_s, reason)
 
-    def _best_example(self, target: Target) -> ScoredPose | None:
-        """The best fit from the subject's example poses, if it is a good one."""
-        found = []
-        for theta in self.subject.thetas:
-            try:
-                fit = fit_pose(self.subject.body, target, theta, self.sample, updates=6, steps=2, gate_m=0.08)
-            except FitError:
-                continue
-            found.append(score_pose(self.subject.body, target, fit, self.sample))
-        best = min(found, key=lambda pose: pose.badness_m, default=None)
-        return best if best is not None and best.skin_m < _GOOD_START_M else None
-
-    def _judge(self, target: Target, fit: PoseFit, time_s: float) -> TrackedFrame:
-        score = score_pose(self.subject.body, target, fit, self.sample)
+    def _judge(self, score: ScoredPose, time_s: float) -> TrackedFrame:
+        fit = score.fit
         lost = ""
         if score.coverage < LEAST_COVERAGE:
             lost = f"only {100 * score.coverage:.0f} % of the skin that should show was found"

@@ -23,7 +23,7 @@ def read_first_poses(path: Path, anatomy: Anatomy) -> dict[int, Floats]:
     valid = [coordinate.name for coordinate in anatomy.coordinates]
     poses: dict[int, Floats] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             for row in csv.DictReader(file):
                 theta = rest_theta(make_body(anatomy))
                 for name, cell in row.items():
@@ -31,10 +31,10 @@ def read_first_poses(path: Path, anatomy: Anatomy) -> dict[int, Floats]:
                         theta[valid.index(name)] = float(cell)
                 poses[int(row["frame"])] = theta
     except OSError as error:
-        raise FitError("cannot be read", where=path) from error
+        raise FitError("cannot be read", where=path, remedy="give a CSV file") from error
     except (ValueError, KeyError, TypeError) as error:
         columns = ", ".join(["frame", *valid])
         raise FitError("not a table of first poses", where=path, remedy=f"name columns among {columns}") from error
     if not poses or not all(np.isfinite(theta).all() for theta in poses.values()):
-        raise FitError("holds no pose, or one that is not finite", where=path)
+        raise FitError("holds no pose, or one that is not finite", where=path, remedy="give one row per pose")
     return poses

@@ -14,11 +14,11 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import Adaptation, Progress, adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
-from adapt.fit.pose import PoseFit, fit_pose
+from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
-from adapt.fit.start import find_pose
+from adapt.fit.start import locate, try_pose
 from adapt.model.body import Body, make_body
 from adapt.subject import Subject
 from capture.errors import BonetrackError, CloudError, FitError
@@ -29,8 +29,8 @@ FEWEST_POSES = 4
 MOST_POSES = 8
 DEFAULT_POSES = 6
 _CANDIDATES = 24  # frames looked at when choosing example poses
-_GOOD_M, _GOOD_COVERAGE = 0.006, 0.9  # a pose carried over from the last frame that is as good needs no search
-_CLEARLY = 1.3  # a pose found by search must be better by this factor than one carried over
+_SEARCHED = 3  # frames in which the limb is searched for; the others start from their neighbours
+_CLEARLY = 1.3  # a candidate that explains the skin worse than the others by this factor is in a wrong pose
 _TOLERABLE_M = 0.02  # a candidate that explains the skin worse than this is not adapted to
 
 
@@ -106,7 +106,7 @@ def _choose(body: Body, candidates: list[_Candidate], sample: SkinSample, poses:
     again = []
     for k, candidate in enumerate(candidates):
         near = [candidates[j].pose.fit.theta for j in (k, k - 1, k + 1) if 0 <= j < len(candidates)]
-        options = [_try_pose(first.body, candidate.target, sample, theta) for theta in near]
+        options = [try_pose(first.body, candidate.target, sample, theta) for theta in near]
         found = [pose for pose in options if pose is not None]
         if found:
             best = min(found, key=lambda pose: pose.badness_m)
@@ -149,48 +149,67 @@ def _pose_candidates(
     region: Region | None,
     progress: Progress,
 ) -> list[_Candidate]:
-    """A first pose for every wanted instant that shows the limb; neighbours in time help each other."""
+    """A first pose for every wanted instant that shows the limb.
+
+    A few frames are searched; from the one that fits best, poses are carried to its neighbours in time, and on.
+    """
     sample = sample_skin(body.anatomy, at_most=2000)
-    found: list[_Candidate] = []
+    targets: dict[int, Target] = {}
     problem: BonetrackError | None = None
-    for number, k in enumerate(wanted):
-        progress(f"first pose {number + 1} of {len(wanted)}")
+    for k in wanted:
         try:
-            target = Target(fuse(recording, moments[k], region=region))
-            last = found[-1].pose.fit.theta if found else None
-            pose = _first_pose(body, target, sample, last, first_poses.get(k))
-        except (CloudError, FitError) as error:
+            targets[k] = Target(fuse(recording, moments[k], region=region))
+        except CloudError as error:
             problem = error
-            continue
-        found.append(_Candidate(moments[k], target, pose))
-    if not found and problem is not None:
+    posed: dict[int, ScoredPose] = {}
+    for number, k in enumerate(_outwards(list(targets), body, targets, sample, first_poses, posed, progress)):
+        progress(f"first pose {number + 1} of {len(targets)}")
+        near = sorted(posed, key=lambda other: abs(other - k))[:1]
+        try:
+            starts, good = [posed[other].fit.theta for other in near], _worst_of(posed)
+            posed[k] = _given(body, targets[k], sample, first_poses.get(k)) or locate(
+                body, targets[k], sample, starts, good_m=good
+            )
+        except FitError as error:
+            problem = error
+    if not posed and problem is not None:
         raise problem
-    return found
+    return [_Candidate(moments[k], targets[k], posed[k]) for k in sorted(posed)]
 
 
-def _first_pose(
-    body: Body, target: Target, sample: SkinSample, last: Floats | None, given: Floats | None
-) -> ScoredPose:
-    if given is not None:
-        return score_pose(body, target, fit_pose(body, target, given, sample), sample)
-    carried = _try_pose(body, target, sample, last)
-    if carried is not None and carried.skin_m < _GOOD_M and carried.coverage > _GOOD_COVERAGE:
-        return carried
-    searched = find_pose(body, target)
-    better = _try_pose(body, target, sample, searched.fit.theta) or searched
-    if carried is not None and carried.badness_m < _CLEARLY * better.badness_m:
-        return carried
-    return better
+def _outwards(
+    frames: list[int],
+    body: Body,
+    targets: Mapping[int, Target],
+    sample: SkinSample,
+    first_poses: Mapping[int, Floats],
+    posed: dict[int, ScoredPose],
+    progress: Progress,
+) -> list[int]:
+    """Search a few frames, put the best one's pose into ``posed``; the other frames, nearest to it first."""
+    if any(k in first_poses for k in frames):
+        return sorted(frames, key=lambda k: k not in first_poses)
+    for number, k in enumerate(frames[:: max(1, len(frames) // _SEARCHED)][:_SEARCHED]):
+        progress(f"searching the limb in frame {number + 1} of {_SEARCHED}")
+        try:
+            posed[k] = locate(body, targets[k], sample, [])
+        except FitError:
+            continue
+    if not posed:
+        return frames
+    seed = min(posed, key=lambda k: posed[k].badness_m)
+    for k in set(posed) - {seed}:
+        del posed[k]
+    return sorted((k for k in frames if k != seed), key=lambda k: abs(k - seed))
 
 
-def _try_pose(body: Body, target: Target, sample: SkinSample, start: Floats | None) -> ScoredPose | None:
-    if start is None:
-        return None
-    try:
-        fit: PoseFit = fit_pose(body, target, start, sample)
-    except FitError:
-        return None
-    return score_pose(body, target, fit, sample)
+def _worst_of(posed: Mapping[int, ScoredPose]) -> float:
+    """What a carried pose may score (m) without a search: a little worse than those found so far."""
+    return _CLEARLY * float(np.median([pose.skin_m for pose in posed.values()])) if posed else 0.0
+
+
+def _given(body: Body, target: Target, sample: SkinSample, theta: Floats | None) -> ScoredPose | None:
+    return None if theta is None else score_pose(body, target, fit_pose(body, target, theta, sample), sample)
 
 
 def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:

@@ -5,7 +5,7 @@ The paper sets the first pose by hand (about a minute); here a person does so on
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,6 +32,8 @@ _REFINED = 12
 _PARTS = 4  # of the slender parts, the largest
 _EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
+_GOOD_COVERAGE = 0.9  # a pose from a likely start that finds this share of the skin needs no search
+_CLEARLY = 1.3  # a pose found by search must be better by this factor than one from a likely start
 
 
 def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
@@ -48,6 +50,41 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
             "no pose of the anatomy fits the cloud", remedy="narrow the region of interest or give a first pose"
         )
     return min(refined, key=lambda pose: pose.badness_m)
+
+
+def locate(
+    body: Body, target: Target, sample: SkinSample, starts: Sequence[Floats], *, good_m: float = 0.006
+) -> ScoredPose:
+    """A pose from some likely ``starts``, or by search where none of them leads to a good one.
+
+    Good is a skin that is ``good_m`` from the cloud and nearly all found.
+
+    Raises:
+        FitError: nothing fits.
+    """
+    tried = [pose for theta in starts if (pose := try_pose(body, target, sample, theta)) is not None]
+    best = min(tried, key=lambda pose: pose.badness_m, default=None)
+    if best is not None and best.skin_m < good_m and best.coverage > _GOOD_COVERAGE:
+        return best
+    try:
+        searched = find_pose(body, target)
+    except FitError:
+        if best is None:
+            raise
+        return best
+    searched = try_pose(body, target, sample, searched.fit.theta) or searched
+    if best is not None and best.badness_m < _CLEARLY * searched.badness_m:
+        return best
+    return searched
+
+
+def try_pose(body: Body, target: Target, sample: SkinSample, start: Floats) -> ScoredPose | None:
+    """The scored fit from one start, or None where too little of the skin finds a target."""
+    try:
+        fit = fit_pose(body, target, start, sample)
+    except FitError:
+        return None
+    return score_pose(body, target, fit, sample)
 
 
 def _refine(body: Body, target: Target, theta: Floats, sample: SkinSample) -> ScoredPose | None:
