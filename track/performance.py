@@ -19,14 +19,14 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_normals
+from adapt.tissue import tissue_deviation
 from capture.errors import BonetrackError
 
 FPS = 30.0
 LENGTH_SPREAD = 0.08
 SCALE_SPREAD = 0.06
-SOFT_TISSUE_M = 0.003
 _SOFT_REACH_M = 0.04
-_SOFT_BUMPS = 60
+_SOFT_BUMPS = 200
 
 
 class PerformanceError(BonetrackError):
@@ -55,13 +55,16 @@ def random_body(anatomy: Anatomy, seed: int) -> Body:
 
 
 def soft_tissue(anatomy: Anatomy, rng: np.random.Generator) -> Floats:
-    """A smooth random displacement (V, 3) m along the skin's normals, of standard deviation SOFT_TISSUE_M."""
+    """A smooth random displacement (V, 3) m along the skin's normals, as much as the tissue's depth allows.
+
+    Its standard deviation at a vertex is that of ``adapt.tissue``: millimetres on muscle, little over bone.
+    """
     skin, faces = anatomy.skin_vertices, anatomy.skin_faces
     centres = skin[rng.choice(len(skin), _SOFT_BUMPS, replace=False)]
-    squared = ((skin[:, None] - centres) ** 2).sum(axis=2)
-    bumps = np.exp(-0.5 * squared / _SOFT_REACH_M**2) @ rng.normal(size=_SOFT_BUMPS)
-    bumps *= SOFT_TISSUE_M / bumps.std()
-    return np.asarray(bumps[:, None] * vertex_normals(skin, faces, incidence(faces, len(skin))))
+    bumps = np.exp(-0.5 * ((skin[:, None] - centres) ** 2).sum(axis=2) / _SOFT_REACH_M**2)
+    bumps /= np.linalg.norm(bumps, axis=1, keepdims=True)  # unit variance everywhere
+    along_normal = tissue_deviation(anatomy) * (bumps @ rng.normal(size=_SOFT_BUMPS))
+    return np.asarray(along_normal[:, None] * vertex_normals(skin, faces, incidence(faces, len(skin))))
 
 
 def motion_names(anatomy: Anatomy) -> tuple[str, ...]:

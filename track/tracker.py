@@ -31,7 +31,7 @@ _MEMORY_S = 0.25  # a velocity older than this says nothing any more
 LEAST_COVERAGE = 0.45
 LARGEST_RESIDUAL_M = 0.006
 _GATE_M = 0.03
-_UPDATES, _STEPS = 6, 1
+_UPDATES, _STEPS = 8, 1
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 
 

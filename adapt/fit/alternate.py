@@ -10,7 +10,7 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
-from adapt.fit.sample import sample_skin
+from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import fit_skin
 from adapt.model.body import Body
@@ -50,10 +50,11 @@ def adapt_body(
         FitError: a pose finds too few correspondences.
     """
     sample = sample_skin(body.anatomy)
+    bony = weighted_by_tissue(sample, body.anatomy)
     covariance = np.zeros((len(body.shape), len(body.shape)))
     for outer in range(outer_rounds):
         progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
-        fitted = fit_shape(body, targets, thetas, sample)
+        fitted = fit_shape(body, targets, thetas, bony)
         body, thetas, covariance = fitted.body, fitted.thetas, fitted.covariance
         if not optimise_skin:
             continue

@@ -12,7 +12,8 @@ from adapt.fit.correspondences import Correspondences
 from adapt.model.variation import Points
 
 PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point (paper, section 3.3)
-SIGMA_M = 0.003  # what one independent patch of surface disagrees by, sensor noise and model together
+SIGMA_M = 0.002  # what one independent patch of surface disagrees by where the skin is known
+_MOST_REFUSED = 8
 PATCH_M2 = 0.03**2  # errors of neighbouring points are alike: this much skin counts as one observation
 
 
@@ -57,20 +58,21 @@ def gaussian_term(x: Floats, mean: Floats, precision: Floats) -> Quadratic:
 def levenberg_marquardt(
     evaluate: Callable[[Floats], Quadratic], start: Floats, *, steps: int = 5, tolerance: float = 1e-4
 ) -> Floats:
-    """Minimise a sum of squares from ``start`` (n,) in at most ``steps`` accepted or rejected steps.
+    """Minimise a sum of squares from ``start`` (n,) in at most ``steps`` steps that lower it.
 
-    Stops early when a step lowers the energy by less than the fraction ``tolerance``.
+    A refused step only raises the damping. Stops early when a step lowers the energy by less than the fraction
+    ``tolerance``, or when no damping helps any more.
     """
-    x, here, damping = start, evaluate(start), 1e-4
-    for _ in range(steps):
+    x, here, damping, taken, refused = start, evaluate(start), 1e-4, 0, 0
+    while taken < steps and refused < _MOST_REFUSED:
         diagonal = np.maximum(np.diag(here.hessian), 1e-9)
         candidate = x - np.linalg.solve(here.hessian + damping * np.diag(diagonal), here.gradient)
         there = evaluate(candidate)
         if there.energy >= here.energy:
-            damping *= 10.0
+            damping, refused = 10.0 * damping, refused + 1
             continue
         gain = here.energy - there.energy
-        x, here, damping = candidate, there, damping / 5.0
+        x, here, damping, taken = candidate, there, damping / 5.0, taken + 1
         if gain < tolerance * here.energy:
             break
     return x

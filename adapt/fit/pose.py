@@ -64,10 +64,11 @@ def fit_pose(
     matches = match_pose(body, target, theta, sample, gate_m=gate_m)
     for _ in range(updates):
         before = theta
-        theta = wrap(body.anatomy, levenberg_marquardt(_energy(body, matches, sample, prior), theta, steps=steps))
+        theta = levenberg_marquardt(_energy(body, matches, sample, prior), theta, steps=steps)
         matches = match_pose(body, target, theta, sample, gate_m=next_gate(matches, gate_m))
         if np.abs(theta - before).max() < _STILL_RAD_OR_M:
             break
+    theta = wrap(body.anatomy, theta)  # only now: inside the loop it would leave the prior's mean a turn away
     skin = pose_skin_varying(body, theta, vertices=matches.vertex)
     hessian = data_term(skin, matches, sample.observations[matches.vertex]).hessian
     return PoseFit(theta, matches, matches.distance, hessian)

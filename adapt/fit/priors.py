@@ -10,7 +10,7 @@ from adapt.model.handles import AffineSet
 
 RANGE_SIGMA_RAD = np.deg2rad(2.0)  # how softly a joint's range ends
 SIZE_SIGMA = 0.12  # overall size against the template
-GIRTH_SIGMA = 0.05  # scale of one joint against the overall size
+GIRTH_SIGMA = 0.04  # scale of one joint against the overall size
 LENGTH_SIGMA = 0.06  # length of one bone against the overall size
 SIDEWAYS_SIGMA_M = 0.002  # direction of a bone: how far its end may stray sideways
 _GAUGE_SIGMA_M = 1e-3  # the pose already moves the whole body: the first group stays where it is

@@ -15,7 +15,7 @@ from adapt.fit.alternate import Adaptation, Progress, adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import SkinSample, sample_skin
+from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
 from adapt.fit.start import locate, try_pose
@@ -100,9 +100,9 @@ def _choose(body: Body, candidates: list[_Candidate], sample: SkinSample, poses:
     from its neighbours' poses, and those that still fit worse than the rest are left out.
     """
     chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses)
-    first = fit_shape(
-        body, [candidates[k].target for k in chosen], np.array([candidates[k].pose.fit.theta for k in chosen]), sample
-    )
+    thetas = np.array([candidates[k].pose.fit.theta for k in chosen])
+    bony = weighted_by_tissue(sample, body.anatomy)
+    first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
     again = []
     for k, candidate in enumerate(candidates):
         near = [candidates[j].pose.fit.theta for j in (k, k - 1, k + 1) if 0 <= j < len(candidates)]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.least_squares import PATCH_M2
+from adapt.fit.least_squares import PATCH_M2, SIGMA_M
 from adapt.model.surface import incidence, vertex_areas, vertex_normals
+from adapt.tissue import tissue_deviation
 
 _LEAST_WEIGHT = 0.02  # vertices that count less than this are not worth a search
 
@@ -30,6 +31,15 @@ class SkinSample:
     def normals(self, skin: Floats) -> Floats:
         """Unit normals (V, 3) of the posed skin (V, 3)."""
         return vertex_normals(skin, self.faces, self.onto_vertices)
+
+
+def weighted_by_tissue(sample: SkinSample, anatomy: Anatomy) -> SkinSample:
+    """The same vertices, counted by how well they tell where the bones are before the skin itself is adapted.
+
+    An observation's variance grows from SIGMA_M^2 by that of the soft tissue beneath the vertex.
+    """
+    share = SIGMA_M**2 / (SIGMA_M**2 + tissue_deviation(anatomy) ** 2)
+    return replace(sample, observations=sample.observations * share)
 
 
 def sample_skin(anatomy: Anatomy, *, at_most: int | None = None, seed: int = 0) -> SkinSample:

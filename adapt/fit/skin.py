@@ -2,10 +2,10 @@
 
 Solved for the displacement d = v_hat - template, with v linear in v_hat around the current one:
 
-    argmin_d  sum_k data_k(v_k(d)) + STIFFNESS |L d|^2_{M^-1} + |d|^2_M / (SOFT_TISSUE_M^2 PATCH)
+    argmin_d  sum_k data_k(v_k(d)) + 0.5 STIFFNESS |L d|^2_{M^-1} + 0.5 sum_i M_ii |d_i|^2 / (sigma_i^2 PATCH)
 
-L is the cotangent Laplacian and M the mass matrix of the template, so skin that nobody saw follows its
-neighbours smoothly.
+L is the cotangent Laplacian and M the mass matrix of the template, so skin that nobody saw follows its neighbours
+smoothly; sigma_i is what the soft tissue under vertex i allows (adapt.tissue).
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin_by_v_hat
+from adapt.tissue import tissue_deviation
 from capture.errors import FitError
 
 STIFFNESS = 4.0  # 1/m^2: 5 mm of soft tissue within 2 cm of skin costs about as much as one observation
-SOFT_TISSUE_M = 0.008  # standard deviation of the displacement of ...
-_SOFT_PATCH_M2 = 0.04**2  # ... a patch of this area
+_SOFT_PATCH_M2 = 0.04**2  # soft tissue of a patch of this area moves as one
+_LEAST_DEVIATION_M = 0.001  # skin over bone can still differ by this much
 
 
 def fit_skin(body: Body, thetas: Floats, matches: list[Correspondences], sample: SkinSample) -> Body:
@@ -86,4 +87,5 @@ def _regulariser(anatomy: Anatomy) -> sparse.csr_matrix:
     laplacian = sparse.csr_matrix(igl.cotmatrix(vertices, faces))
     mass = np.asarray(igl.massmatrix(vertices, faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal())
     bilaplacian = laplacian @ sparse.diags(1.0 / mass) @ laplacian
-    return sparse.csr_matrix(STIFFNESS * bilaplacian + sparse.diags(mass / (SOFT_TISSUE_M**2 * _SOFT_PATCH_M2)))
+    variance = tissue_deviation(anatomy) ** 2 + _LEAST_DEVIATION_M**2
+    return sparse.csr_matrix(STIFFNESS * bilaplacian + sparse.diags(mass / (variance * _SOFT_PATCH_M2)))

@@ -1,0 +1,17 @@
+from __future__ import annotations
+
+import pytest
+
+from adapt.anatomy import Anatomy, load_anatomy
+from tests.known_limb import ANATOMY, KnownLimb, record
+
+
+@pytest.fixture(scope="session")
+def arm() -> Anatomy:
+    return load_anatomy(ANATOMY)
+
+
+@pytest.fixture(scope="session")
+def limb(arm: Anatomy, tmp_path_factory: pytest.TempPathFactory) -> KnownLimb:
+    """One small recording for all tests; none may change it."""
+    return record(arm, tmp_path_factory.mktemp("limb") / "recording")

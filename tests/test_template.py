@@ -1,0 +1,237 @@
+"""The shipped template is a right arm, sound in every number, and its building blocks do what they say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adapt.anatomy import load_anatomy
+from adapt.build import checks
+from adapt.build.meshes import Mesh, boundary_loop, level_set, simplified
+from adapt.build.pose_bones import ROOT, PoseProblem, Target, Unknown, fit_pose, placed_bodies
+from adapt.build.skin import Cut, catmull_clark, closed, cut_off
+from adapt.build.sources_myosim import SourceBody, SourceHinge, SourceSkeleton
+from adapt.build.tetrahedra import TetMesh, evaluate, with_corners_at
+from adapt.build.upper_limb import UPPER_LIMB_RIGHT
+from adapt.build.weights import bounded_biharmonic
+from adapt.model.body import bone_transforms, make_body, pose_skin, posed_bones, rest_theta
+from capture.errors import AnatomyError
+from capture.rigid import apply
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+CUBE_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_anatomy("upper-limb-right")
+
+
+@pytest.fixture(scope="module")
+def body(arm):
+    return make_body(arm)
+
+
+def point(arm, name):
+    return arm.landmarks[arm.landmark_index(name)]
+
+
+def all_pass(found):
+    failed = [check.line() for check in found if not check.passed]
+    assert not failed, "\n".join(failed)
+
+
+def test_surfaces_are_closed_face_outward_and_bones_lie_beneath_the_skin(arm):
+    all_pass(checks.surface_checks(arm))
+
+
+def test_weights_lie_in_the_unit_interval_and_sum_to_one(arm):
+    all_pass(checks.weight_checks(arm))
+
+
+def test_tetrahedra_are_positive(arm):
+    all_pass(checks.tetrahedra_checks(arm))
+
+
+def test_landmarks_handles_and_rest_values_stand_where_they_should(arm):
+    all_pass(checks.landmark_checks(arm))
+
+
+def test_the_forearm_frames_never_come_near_half_a_turn_apart(body):
+    all_pass(checks.twist_checks(body))
+
+
+def test_bone_heads_and_landmarks_stay_together_when_proportions_change(arm):
+    all_pass(checks.drift_checks(arm))
+
+
+def test_no_bone_comes_out_of_the_skin_at_the_ends_of_the_range_of_motion(body):
+    for coordinate in ("elbow_flexion", "pro_sup", "flexion", "deviation"):
+        index = body.anatomy.coordinate_index(coordinate)
+        for end in ("low", "high"):
+            theta = rest_theta(body)
+            theta[index] = getattr(body.anatomy.coordinates[index], end)
+            skin = Mesh(pose_skin(body, theta), body.anatomy.skin_faces)
+            for name, vertices in posed_bones(body, theta).items():
+                assert skin.depth(vertices).min() > 0.0, (coordinate, end, name)
+
+
+def test_the_template_is_what_its_plan_says(arm):
+    plan = UPPER_LIMB_RIGHT
+    assert arm.joints == plan.joints
+    assert [c.name for c in arm.coordinates] == [c.name for c in plan.coordinates]
+    assert [h.name for h in arm.handles] == [h.name for h in plan.handles]
+    assert 7000 < len(arm.skin_vertices) < 9000
+    assert all(1500 <= len(bone.vertices) <= 8000 for bone in arm.bones)
+
+
+def test_it_is_a_right_arm_with_the_radius_on_the_thumbs_side(arm):
+    assert point(arm, "elbow_axis_medial")[2] < point(arm, "elbow_axis_lateral")[2]
+    across = point(arm, "RS") - point(arm, "US")
+    assert across @ (point(arm, "thumb_tip") - point(arm, "finger5_tip")) > 0.0
+    # Chirality: for a right hand, (towards the thumb) x (towards the fingertips) points out of the palm.
+    fingers = point(arm, "finger3_tip") - point(arm, "MC3_base")
+    palm = np.cross(across, fingers)
+    assert palm @ (point(arm, "wrist_deviation_axis_palmar") - point(arm, "wrist_deviation_axis_dorsal")) > 0.0
+
+
+def test_the_arm_has_a_mans_proportions(arm):
+    elbow = (point(arm, "EM") + point(arm, "EL")) / 2.0
+    wrist = (point(arm, "US") + point(arm, "RS")) / 2.0
+    assert 0.26 < np.linalg.norm(point(arm, "GH") - elbow) < 0.32
+    assert 0.23 < np.linalg.norm(elbow - wrist) < 0.28
+    assert 0.050 < np.linalg.norm(point(arm, "EM") - point(arm, "EL")) < 0.070
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "moving", "towards"),
+    [
+        ("elbow_flexion", "finger3_tip", ("elbow_axis_medial", "GH")),
+        ("pro_sup", "thumb_tip", ("EL", "EM")),
+        ("flexion", "finger3_tip", ("wrist_deviation_axis_dorsal", "wrist_deviation_axis_palmar")),
+        ("deviation", "finger3_tip", ("RS", "US")),
+    ],
+)
+def test_positive_coordinates_turn_as_opensims_do(body, coordinate, moving, towards):
+    """Flexion brings the hand to the shoulder, pronation the thumb inward, wrist flexion the fingers palmward."""
+    arm = body.anatomy
+    theta = rest_theta(body)
+    index = arm.coordinate_index(coordinate)
+    theta[index] = arm.coordinates[arm.coordinate_index(coordinate)].rest + 0.1
+    moved = apply(bone_transforms(body, theta)["hand"], point(arm, moving)[None])[0] - point(arm, moving)
+    assert moved @ (point(arm, towards[1]) - point(arm, towards[0])) > 0.0
+
+
+def test_skin_near_the_cut_and_on_the_fingers_counts_little(arm):
+    height = UPPER_LIMB_RIGHT.skin.cut.height(arm.skin_vertices)
+    tip = np.argmin(np.linalg.norm(arm.skin_vertices - point(arm, "finger3_tip"), axis=1))
+    elbow = np.argmin(np.linalg.norm(arm.skin_vertices - point(arm, "olecranon"), axis=1))
+    assert arm.fit_weight[np.abs(height) < 1e-5].max() == 0.0
+    assert arm.fit_weight[tip] <= 0.101
+    assert arm.fit_weight[elbow] == 1.0
+
+
+def test_a_failed_check_is_named_with_its_number():
+    with pytest.raises(AnatomyError, match=r"arm: .*depth: 1 >= 2 mm"):
+        checks.require([checks.Check("depth", 1.0, 2.0, "mm", least=True)], "arm")
+
+
+def test_catmull_clark_keeps_a_closed_surface_closed_and_smooths_a_cube():
+    vertices, quads = catmull_clark(*catmull_clark(CUBE, CUBE_QUADS))
+    mesh = Mesh(vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+    assert mesh.is_closed()
+    assert 0.3 < abs(mesh.volume()) < 0.7
+    np.testing.assert_allclose(vertices.mean(axis=0), 0.5, atol=1e-12)
+
+
+def sphere(radius=0.05, spacing=0.004):
+    tetrahedron = Mesh(
+        np.array([[0.0, 0, 0], [1e-4, 0, 0], [0, 1e-4, 0], [0, 0, 1e-4]]),
+        np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
+    )
+    return level_set([tetrahedron], spacing=spacing, grow=radius)
+
+
+def test_a_level_set_is_closed_and_faces_outward_at_its_distance():
+    ball = sphere()
+    assert ball.is_closed()
+    assert ball.volume() == pytest.approx(4.0 / 3.0 * np.pi * 0.05**3, rel=0.02)
+    np.testing.assert_allclose(np.linalg.norm(ball.vertices, axis=1), 0.05, atol=4e-4)
+    assert simplified(ball, count=300).is_closed()
+
+
+def test_a_cut_ball_is_closed_by_a_flat_cap_on_the_plane():
+    cut = Cut((0.0, 0.01, 0.0), (0.0, 1.0, 0.3))
+    part, is_cap = closed(cut_off(sphere(), cut, np.array([0.0, 0.05, 0.0])))
+    assert part.is_closed()
+    assert part.volume() > 0.0
+    np.testing.assert_allclose(cut.height(part.vertices[is_cap]), 0.0, atol=1e-12)
+    assert cut.height(part.vertices).min() > -1e-12
+
+
+def test_a_closed_surface_has_no_border():
+    with pytest.raises(AnatomyError, match="no border"):
+        boundary_loop(sphere().faces)
+
+
+def block(n=4):
+    """A cube of n^3 cells, each of five tetrahedra's six-fold cousin: Kuhn's six."""
+    grid = np.stack(np.meshgrid(*[np.arange(n + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) / n
+    index = np.arange((n + 1) ** 3).reshape([n + 1] * 3)
+    tets = []
+    for cell in np.ndindex(n, n, n):
+        for order in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
+            corner, path = np.array(cell), [index[cell]]
+            for axis in order:
+                corner = corner + np.eye(3, dtype=int)[axis]
+                path.append(index[tuple(corner)])
+            tets.append(path)
+    mesh = TetMesh(grid, np.array(tets))
+    flipped = np.where(mesh.volumes()[:, None] < 0.0, mesh.tets[:, [0, 1, 3, 2]], mesh.tets)
+    return TetMesh(grid, flipped)
+
+
+def test_values_linear_in_space_are_interpolated_exactly_and_clamped_outside():
+    mesh, points = block(), np.random.default_rng(1).uniform(0.0, 1.0, (200, 3))
+    np.testing.assert_allclose(evaluate(mesh, mesh.points, points), points, atol=1e-12)
+    np.testing.assert_allclose(evaluate(mesh, mesh.points, np.array([[0.5, 0.5, 1.2]])), [[0.5, 0.5, 1.0]], atol=0.1)
+
+
+def test_a_corner_moves_onto_a_point_without_inverting_a_tetrahedron():
+    wanted = np.array([[0.53, 0.47, 0.55]])
+    mesh, corners = with_corners_at(block(), wanted, within=0.2)
+    np.testing.assert_array_equal(mesh.points[corners], wanted)
+    assert mesh.volumes().min() > 0.0
+    with pytest.raises(AnatomyError, match="smaller tets"):
+        with_corners_at(block(), wanted + 5.0, within=0.2)
+
+
+def test_bounded_biharmonic_weights_hold_at_handles_and_rise_between_them():
+    mesh = block()
+    ends = [np.flatnonzero(mesh.points[:, 0] == end) for end in (0.0, 1.0)]
+    weights = bounded_biharmonic(mesh, ends)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(weights[ends[0]], [[1.0, 0.0]] * len(ends[0]), atol=1e-6)
+    rising = [weights[np.isclose(mesh.points[:, 0], x), 1].mean() for x in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    assert np.all(np.diff(rising) > 0.05)
+
+
+def two_bodies():
+    stick = np.array([[0.0, 0, 0], [0.0, -1.0, 0]])
+    nothing = np.zeros((0, 3), dtype=np.int64)
+    upper = SourceBody("upper", "world", np.zeros(3), np.eye(3), (), stick, nothing)
+    hinge = SourceHinge("bend", np.array([0.0, 0.0, 1.0]), 0.0, 2.0)
+    lower = SourceBody("lower", "upper", np.array([0.0, -1.0, 0.0]), np.eye(3), (hinge,), stick, nothing)
+    return SourceSkeleton("none", {"upper": upper, "lower": lower})
+
+
+def test_the_pose_fit_recovers_a_known_pose_and_scale():
+    truth = dict.fromkeys(ROOT, 0.0) | {"root_ry": 0.2, "root_tx": 0.1, "bend": 0.8, "log_size": 0.1}
+    unknowns = tuple(Unknown(name, 0.0, 10.0) for name in truth)
+    scale_of = dict.fromkeys(("upper", "lower"), ("log_size", "log_size"))
+    problem = PoseProblem(two_bodies(), "upper", scale_of, unknowns, {}, (), 0.0)
+    placed = placed_bodies(problem, truth)
+    spots = [("upper", [0.3, 0, 0]), ("upper", [0, -1.0, 0.2]), ("lower", [0, -1.0, 0]), ("upper", [0.0, 0, 0])]
+    targets = tuple(Target(b, np.array(x), placed[b].points(np.array(x)), 1e-3) for b, x in spots)
+    found = fit_pose(replace(problem, targets=targets), lambda points: np.ones(len(points)))
+    assert {name: pytest.approx(value, abs=1e-3) for name, value in truth.items()} == found
