@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import click
@@ -36,6 +37,9 @@ for command in (
 
 def main() -> None:
     """Run the command line: exit code 0 done, 2 wrong command line, 1 any other failure."""
+    # The matrices here are small: more BLAS threads cost more than they give. Read once, when numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
         bonetrack.main(prog_name="bonetrack", standalone_mode=False)
     except click.ClickException as error:

@@ -37,7 +37,7 @@ def look_at(points: Floats, direction: Floats, up: Floats, *, distance_m: float 
     return transform(np.column_stack([right, np.cross(forward, right), forward]), middle - distance_m * forward)
 
 
-def framing_camera(world_from_eye: Floats, points: Floats, *, width: int = 640, height: int = 480) -> Camera:
+def framing_camera(world_from_eye: Floats, points: Floats, *, width: int = 480, height: int = 480) -> Camera:
     """A camera at the eye that has all points (N, 3) in its image, with a margin."""
     seen = apply(inverse(world_from_eye), points)
     reach = np.abs(seen[:, :2] / seen[:, 2:]).max(axis=0)

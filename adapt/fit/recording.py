@@ -28,7 +28,7 @@ from capture.recording import Instant, Recording, instants
 FEWEST_POSES = 4
 MOST_POSES = 8
 DEFAULT_POSES = 6
-_CANDIDATES = 24  # frames looked at when choosing example poses
+_CANDIDATES = 18  # frames looked at when choosing example poses
 _SEARCHED = 3  # frames in which the limb is searched for; the others start from their neighbours
 _CLEARLY = 1.3  # a candidate that explains the skin worse than the others by this factor is in a wrong pose
 _TOLERABLE_M = 0.02  # a candidate that explains the skin worse than this is not adapted to
@@ -96,25 +96,31 @@ def _plausible(candidates: list[_Candidate]) -> list[_Candidate]:
 def _choose(body: Body, candidates: list[_Candidate], sample: SkinSample, poses: int) -> tuple[Body, list[_Candidate]]:
     """A first shape, and the example poses chosen with it.
 
-    The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, also
-    from its neighbours' poses, and those that still fit worse than the rest are left out.
+    The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, the
+    doubtful ones also from their neighbours' poses, and those that still fit worse than the rest are left out.
     """
     chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses)
     thetas = np.array([candidates[k].pose.fit.theta for k in chosen])
     bony = weighted_by_tissue(sample, body.anatomy)
     first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
-    again = []
-    for k, candidate in enumerate(candidates):
-        near = [candidates[j].pose.fit.theta for j in (k, k - 1, k + 1) if 0 <= j < len(candidates)]
-        options = [try_pose(first.body, candidate.target, sample, theta) for theta in near]
-        found = [pose for pose in options if pose is not None]
-        if found:
-            best = min(found, key=lambda pose: pose.badness_m)
-            again.append(_Candidate(candidate.instant, candidate.target, best))
+    again = [_posed_again(first.body, candidate, [candidate], sample) for candidate in candidates]
+    doubtful = {id(c) for c in again} - {id(c) for c in _plausible(again)}
+    for k, candidate in enumerate(again):
+        if id(candidate) in doubtful:
+            again[k] = _posed_again(first.body, candidate, again[max(0, k - 1) : k + 2], sample)
     kept = _plausible(again)
     kept = kept if len(kept) >= poses else again
     chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses)
     return first.body, [kept[k] for k in sorted(chosen)]
+
+
+def _posed_again(body: Body, candidate: _Candidate, starts: list[_Candidate], sample: SkinSample) -> _Candidate:
+    """The candidate in the best pose reached from the given candidates' poses; as it was, if none is reached."""
+    tried = [try_pose(body, candidate.target, sample, start.pose.fit.theta) for start in starts]
+    found = [pose for pose in tried if pose is not None]
+    if not found:
+        return candidate
+    return _Candidate(candidate.instant, candidate.target, min(found, key=lambda pose: pose.badness_m))
 
 
 def _wanted(recording: Recording, moments: list[Instant], poses: int, frames: Sequence[int] | None) -> list[int]:

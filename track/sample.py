@@ -1,0 +1,31 @@
+"""Make the sample recording that ships in ``recordings/``: a random body that bends and twists its arm.
+
+    python -m track.sample --out recordings/upper-limb-right-sample
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from adapt.anatomy import load_anatomy
+from track.performance import perform, random_body
+from track.simulate import simulate_performance
+
+_SEED = 2015
+_FPS = 20.0
+
+
+@click.command()
+@click.option("--anatomy", default="upper-limb-right", show_default=True)
+@click.option("--out", required=True, type=click.Path(path_type=Path))
+def main(anatomy: str, out: Path) -> None:
+    """Simulate the sample recording."""
+    body = random_body(load_anatomy(anatomy), _SEED)
+    performance = perform(body, ("twist", "bend-and-twist"), seconds_each=2.0, fps=_FPS, seed=_SEED)
+    simulate_performance(performance, out, seed=_SEED, overwrite=True)
+
+
+if __name__ == "__main__":
+    main()
