@@ -1,0 +1,53 @@
+"""``python -m adapt.build upper-limb-right``: build a template, check it, and write it where the package looks."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from adapt.anatomy import load_anatomy, save_anatomy
+from adapt.build.assemble import build_anatomy
+from adapt.build.checks import Check, all_checks, require
+from adapt.build.plan import LimbPlan
+from adapt.build.provenance import write_provenance
+from adapt.build.sources_myosim import load_skeleton
+from adapt.build.upper_limb import UPPER_LIMB_RIGHT
+from capture.errors import BonetrackError
+from capture.files import replaced_when_complete
+
+PLANS = {plan.name: plan for plan in (UPPER_LIMB_RIGHT,)}
+TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+LARGEST_FILE = 6.0  # MB
+
+
+@click.command()
+@click.argument("name", type=click.Choice(sorted(PLANS)))
+@click.option("--out", type=click.Path(path_type=Path), default=TEMPLATES, help="Folder to write to.")
+def main(name: str, out: Path) -> None:
+    """Build the anatomy template NAME, check it, and write it with its provenance."""
+    try:
+        _build(PLANS[name], out)
+    except BonetrackError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(1)
+
+
+def _build(plan: LimbPlan, out: Path) -> None:
+    anatomy, pose = build_anatomy(plan, click.echo)
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / f"{plan.name}.npz"
+    with replaced_when_complete(path) as candidate:
+        save_anatomy(anatomy, candidate)
+        written = load_anatomy(candidate)
+        checks = all_checks(written, plan, load_skeleton(plan.bodies))
+        checks.append(Check("file size", candidate.stat().st_size / 1e6, LARGEST_FILE, "MB"))
+        for check in checks:
+            click.echo(check.line())
+        require(checks, plan.name)
+    write_provenance(written, plan, pose, checks, out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,276 @@
+"""What must hold of a template before it may ship. Every check has a number, a limit and a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapt.anatomy import Anatomy, Joint
+from adapt.build.meshes import Mesh
+from adapt.build.plan import LimbPlan
+from adapt.build.pose_bones import source_at
+from adapt.build.sources_myosim import SourceSkeleton
+from adapt.build.tetrahedra import TetMesh
+from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
+from adapt.model.frames import frame_from_landmarks
+from adapt.model.handles import AffineSet, affine_set, deform, handle_positions
+from adapt.model.kinematics import bone_motions
+from capture.errors import AnatomyError
+from capture.rigid import rotation_angle
+
+Floats = NDArray[np.float64]
+
+REST_DEPTH = 0.001  # m, of every bone vertex beneath the skin at rest
+OVERLAP = 0.002  # m, of one bone in another, or what the source skeleton has if that is more
+OVERLAP_SLACK = 0.0005  # m
+DRIFT = 0.0015  # m, between landmarks and the bones they stand for, under changed proportions
+TWIST = np.radians(130.0)  # between the two frames of a twisting deformer
+_STEPS = 5  # values of a coordinate over its range
+
+
+@dataclass(frozen=True)
+class Check:
+    """One finding: ``measured`` must not exceed ``limit`` (``least``: must not fall below)."""
+
+    name: str
+    measured: float
+    limit: float
+    unit: str = ""
+    least: bool = False
+
+    @property
+    def passed(self) -> bool:
+        """The verdict; NaN fails."""
+        return bool(self.measured >= self.limit if self.least else self.measured <= self.limit)
+
+    def line(self) -> str:
+        """The finding as one line of a report."""
+        sign = ">=" if self.least else "<="
+        return (
+            f"{'ok  ' if self.passed else 'FAIL'} {self.name}: {self.measured:.4g} {sign} {self.limit:.4g} {self.unit}"
+        )
+
+
+def require(checks: list[Check], name: str) -> None:
+    """Raise AnatomyError that names every check that failed."""
+    failed = [check.line().removeprefix("FAIL ") for check in checks if not check.passed]
+    if failed:
+        raise AnatomyError("the built anatomy is not sound: " + "; ".join(failed), where=name)
+
+
+def all_checks(anatomy: Anatomy, plan: LimbPlan, skeleton: SourceSkeleton) -> list[Check]:
+    """Every check of a freshly built anatomy."""
+    body = make_body(anatomy)
+    return [
+        *surface_checks(anatomy),
+        *weight_checks(anatomy),
+        *tetrahedra_checks(anatomy),
+        *landmark_checks(anatomy),
+        *twist_checks(body),
+        *drift_checks(anatomy),
+        *motion_checks(body),
+        *overlap_checks(body, plan, skeleton),
+    ]
+
+
+def surface_checks(anatomy: Anatomy) -> list[Check]:
+    """Closed surfaces that face outward; the skin moves nowhere at rest; bones lie beneath it."""
+    skin = Mesh(anatomy.skin_vertices, anatomy.skin_faces)
+    body = make_body(anatomy)
+    moved = np.abs(pose_skin(body, rest_theta(body)) - anatomy.skin_vertices).max()
+    checks = [
+        Check("skin is closed", float(skin.is_closed()), 1.0, least=True),
+        Check("skin volume", 1e3 * skin.volume(), 0.1, "l", least=True),
+        Check("skin at rest moves", 1e3 * moved, 1e-3, "mm"),
+    ]
+    for bone in anatomy.bones:
+        mesh = Mesh(bone.vertices, bone.faces)
+        checks += [
+            Check(f"{bone.name} is closed", float(mesh.is_closed()), 1.0, least=True),
+            Check(f"{bone.name} volume", 1e6 * mesh.volume(), 1.0, "cm3", least=True),
+            Check(
+                f"{bone.name} beneath the skin at rest",
+                1e3 * skin.depth(bone.vertices).min(),
+                1e3 * REST_DEPTH,
+                "mm",
+                least=True,
+            ),
+        ]
+    return checks
+
+
+def weight_checks(anatomy: Anatomy) -> list[Check]:
+    """Weights lie in [0, 1] and sum to one."""
+    rows = {
+        "landmark handle weights": anatomy.landmark_handle_weights,
+        "skin handle weights": anatomy.skin_handle_weights,
+        "deformer weights": anatomy.deformer_weights,
+    } | {f"{bone.name} handle weights": bone.handle_weights for bone in anatomy.bones}
+    checks = []
+    for name, weights in rows.items():
+        checks.append(Check(f"{name} least", float(weights.min()), 0.0, least=True))
+        checks.append(Check(f"{name} sums off", float(np.abs(weights.sum(axis=1) - 1.0).max()), 1e-5))
+    checks.append(Check("fit weight least", float(anatomy.fit_weight.min()), 0.0, least=True))
+    checks.append(Check("fit weight most", float(anatomy.fit_weight.max()), 1.0))
+    return checks
+
+
+def tetrahedra_checks(anatomy: Anatomy) -> list[Check]:
+    """Every tetrahedron has positive volume."""
+    return [
+        Check(f"{name} smallest tetrahedron", 1e9 * float(TetMesh(*parts).volumes().min()), 1e-6, "mm3", least=True)
+        for name, parts in anatomy.tetrahedra.items()
+    ]
+
+
+def landmark_checks(anatomy: Anatomy) -> list[Check]:
+    """Landmarks lie inside the skin; handles lie inside their bones' tetrahedra; rest values lie in range."""
+    skin = Mesh(anatomy.skin_vertices, anatomy.skin_faces)
+    checks = [Check("landmarks beneath the skin", 1e3 * skin.depth(anatomy.landmarks).min(), 0.0, "mm", least=True)]
+    for handle in anatomy.handles:
+        points, _ = anatomy.tetrahedra[handle.bone]
+        off = np.linalg.norm(points - np.array(handle.position), axis=1).min()
+        checks.append(Check(f"handle {handle.name} off its tetrahedra", 1e3 * off, 0.01, "mm"))
+    for c in anatomy.coordinates:
+        checks.append(Check(f"{c.name} at rest outside its range", max(c.low - c.rest, c.rest - c.high), 0.0, c.unit))
+    return checks
+
+
+def twist_checks(body: Body) -> list[Check]:
+    """The two frames of a twisting deformer never come near half a turn apart, where SLERP would flip."""
+    checks = []
+    for deformer in body.anatomy.deformers:
+        if len(deformer.frames) != 2:
+            continue
+        worst = 0.0
+        for theta in motions(body):
+            moved = bone_motions(body.anatomy, theta, body.p)
+            turns = [
+                moved[bone].rotation @ frame_from_landmarks(body.anatomy, frame, body.p).rotation
+                for bone, frame in zip(deformer.bones, deformer.frames, strict=True)
+            ]
+            worst = max(worst, rotation_angle(turns[0].T @ turns[1]))
+        checks.append(Check(f"twist of {deformer.name}", np.degrees(worst), np.degrees(TWIST), "deg"))
+    return checks
+
+
+def drift_checks(anatomy: Anatomy) -> list[Check]:
+    """Bone heads and the landmarks at a joint move together when proportions change.
+
+    All bone vertices within 2 cm of a joint's centre and all landmarks of its axes are deformed by 100 random
+    shapes (lengths by up to 8 per cent, scales by up to 6) and compared with the joint's own similarity.
+    """
+    affine, positions, rng = affine_set(anatomy), handle_positions(anatomy), np.random.default_rng(2015)
+    shapes = [_random_shape(affine, rng) for _ in range(100)]
+    checks = []
+    for joint in anatomy.joints:
+        group = next((h.joint for h in anatomy.handles if h.joint == joint.name), None)
+        if group is None:
+            continue
+        index = affine.groups.index(group)
+        names = {name for axis in joint.axes for name in axis} | set(joint.centre)
+        rows = [anatomy.landmark_index(name) for name in sorted(names)]
+        centre = anatomy.landmarks[[anatomy.landmark_index(name) for name in joint.centre]].mean(axis=0)
+        parts = [(anatomy.landmarks[rows], anatomy.landmark_handle_weights[rows])]
+        for bone in (anatomy.bone(name) for name in (joint.parent, joint.child) if name is not None):
+            near = np.linalg.norm(bone.vertices - centre, axis=1) < 0.02
+            parts.append((bone.vertices[near], bone.handle_weights[near]))
+        points, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        worst = 0.0
+        for shape in shapes:
+            scale, shift = shape.reshape(-1, 4)[index, 0], shape.reshape(-1, 4)[index, 1:]
+            rigid = scale * (points - affine.centres[index]) + affine.centres[index] + shift
+            moved = deform(points, weights, positions, affine.handle_parameters(shape))
+            worst = max(worst, float(np.linalg.norm(moved - rigid, axis=1).max()))
+        checks.append(Check(f"drift at the {joint.name}", 1e3 * worst, 1e3 * DRIFT, "mm"))
+    return checks
+
+
+def _random_shape(affine: AffineSet, rng: np.random.Generator) -> Floats:
+    """A shape (4J,): every stretch between neighbouring joints up to 8 per cent longer or shorter."""
+    shape = affine.identity.reshape(-1, 4).copy()
+    steps = np.diff(affine.centres, axis=0) * rng.uniform(-0.08, 0.08, (len(affine.centres) - 1, 1))
+    shape[1:, 1:] = np.cumsum(steps, axis=0)
+    shape[:, 0] = rng.uniform(0.94, 1.06, len(shape))
+    return shape.ravel()
+
+
+def motions(body: Body, joints: tuple[Joint, ...] | None = None) -> Iterator[Floats]:
+    """Poses over the range of motion: each joint over a grid of its coordinates, the others at rest."""
+    for joint in body.anatomy.joints if joints is None else joints:
+        if joint.type != "free":
+            yield from _grid(body, joint)
+
+
+def _grid(body: Body, joint: Joint) -> Iterator[Floats]:
+    indices = [body.anatomy.coordinate_index(name) for name in joint.coordinates]
+    ranges = [np.linspace(body.anatomy.coordinates[i].low, body.anatomy.coordinates[i].high, _STEPS) for i in indices]
+    for values in product(*ranges):
+        theta = rest_theta(body)
+        theta[indices] = values
+        yield theta
+
+
+def motion_checks(body: Body) -> list[Check]:
+    """No bone comes out of the skin over the range of motion."""
+    least = dict.fromkeys((bone.name for bone in body.anatomy.bones), np.inf)
+    for theta in motions(body):
+        skin = Mesh(pose_skin(body, theta), body.anatomy.skin_faces)
+        for name, vertices in posed_bones(body, theta).items():
+            least[name] = min(least[name], float(skin.depth(vertices).min()))
+    return [Check(f"{name} beneath the skin, moving", 1e3 * d, 0.0, "mm", least=True) for name, d in least.items()]
+
+
+def overlap_checks(body: Body, plan: LimbPlan, skeleton: SourceSkeleton) -> list[Check]:
+    """No bone lies deeper in another than in the source skeleton in the same pose, or than OVERLAP."""
+    checks = []
+    for first, second, between in _neighbours(body.anatomy):
+        ours, theirs = -np.inf, -np.inf
+        for theta in motions(body, between):
+            posed = posed_bones(body, theta)
+            ours = max(ours, _overlap(*(Mesh(posed[n], body.anatomy.bone(n).faces) for n in (first, second))))
+            theirs = max(theirs, _overlap(*(_source_mesh(plan, skeleton, n, theta) for n in (first, second))))
+        limit = max(OVERLAP, theirs + OVERLAP_SLACK)
+        checks.append(Check(f"{first} in {second} (source {1e3 * theirs:.1f} mm)", 1e3 * ours, 1e3 * limit, "mm"))
+    return checks
+
+
+def _neighbours(anatomy: Anatomy) -> list[tuple[str, str, tuple[Joint, ...]]]:
+    """Pairs of bones that may touch, across one joint or two, with the joints between them."""
+    above = {joint.child: joint for joint in anatomy.joints if joint.parent is not None}
+    pairs: list[tuple[str, str, tuple[Joint, ...]]] = []
+    for child, joint in above.items():
+        pairs.append((str(joint.parent), child, (joint,)))
+        if joint.parent in above:
+            upper = above[joint.parent]
+            pairs.append((str(upper.parent), child, (upper, joint)))
+    return pairs
+
+
+def _overlap(first: Mesh, second: Mesh) -> float:
+    """How deep two meshes lie in each other, m; negative when they are apart."""
+    deepest = -np.inf
+    for mesh, other in ((first, second), (second, first)):
+        low, high = mesh.vertices.min(axis=0) - 0.005, mesh.vertices.max(axis=0) + 0.005
+        near = other.vertices[np.all((other.vertices > low) & (other.vertices < high), axis=1)]
+        if len(near):
+            deepest = max(deepest, float(mesh.depth(near).max()))
+    return deepest
+
+
+def _source_mesh(plan: LimbPlan, skeleton: SourceSkeleton, bone: str, theta: Floats) -> Mesh:
+    """The source's bone, at the source's size, with its hinges at the pose's coordinates."""
+    angles = {
+        hinge: sign * theta[[c.name for c in plan.coordinates].index(name)]
+        for name, (hinge, sign) in plan.rest_from.items()
+    }
+    placements = source_at(skeleton, angles)
+    bodies = next(part.bodies for part in plan.bones if part.name == bone)
+    starts = np.cumsum([0, *(len(skeleton.bodies[name].vertices) for name in bodies)])
+    vertices = [placements[name].points(skeleton.bodies[name].vertices) for name in bodies]
+    faces = [skeleton.bodies[name].faces + start for name, start in zip(bodies, starts, strict=False)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))

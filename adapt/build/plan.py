@@ -1,0 +1,150 @@
+"""The kinds of facts a limb's data module states; the build programs read nothing else about a limb."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from adapt.anatomy import Coordinate, Deformer, Frame, Joint
+from adapt.build.meshes import Mesh
+from adapt.build.pose_bones import Placement
+from adapt.build.skin import Cut
+from adapt.build.sources_makehuman import SourceSkin
+from adapt.build.sources_myosim import SourceSkeleton
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SkinPlan:
+    """Which skin: shape targets with weights, stature (m), where the limb is cut off and any point of it."""
+
+    targets: dict[str, float]
+    stature: float
+    cut: Cut
+    tip: str  # a joint centre's name
+    count: int  # vertices, about
+
+
+@dataclass(frozen=True)
+class BonePlan:
+    """One bone of the anatomy: the source bodies it is made of, and how finely.
+
+    ``spacing`` and ``blur`` (m) are those of the level set that closes and smooths the source's surface;
+    ``envelope`` (m) is how far a bone of several parts is grown to become one piece for its tetrahedra (0: it is
+    one piece already).
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    count: int
+    spacing: float
+    blur: float
+    envelope: float
+    tet_edge: float
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class PointPlan:
+    """A landmark on a source body.
+
+    how: 'at' the point ``value`` (m) in the body's frame; 'extreme' the vertex farthest along ``value``, among those
+    inside ``within``; 'middle' the mean of the vertices inside ``within``; 'sphere' the centre of the sphere that
+    fits those vertices. ``within`` is (axis, low, high) in m, in the body's frame.
+    """
+
+    name: str
+    body: str
+    how: Literal["at", "extreme", "middle", "sphere"]
+    value: Vector = (0.0, 0.0, 0.0)
+    within: tuple[int, float, float] = (0, -9.0, 9.0)
+
+
+@dataclass(frozen=True)
+class AxisPlan:
+    """Two landmarks on the axis of a source hinge, at ``distances`` (m) from the hinge's origin along ``axis``.
+
+    The hinge belongs to ``body``, whose origin lies on the axis; ``carrier`` is the body in whose frame ``axis``
+    stands: ``body`` itself or its parent.
+    """
+
+    names: tuple[str, str]
+    body: str
+    carrier: str
+    axis: Vector
+    distances: tuple[float, float]  # m, at the source's size
+
+
+@dataclass(frozen=True)
+class HandlePlan:
+    """A point handle: at the middle of the bone's vertices inside ``within`` of one source body.
+
+    Where a head is made of several bones, ``also`` are further points at which the handle has all the weight.
+    """
+
+    name: str
+    bone: str
+    joint: str
+    point: PointPlan
+    also: tuple[PointPlan, ...] = ()
+
+
+@dataclass(frozen=True)
+class RampPlan:
+    """How much skin counts in fitting along the line from one landmark to another: piecewise linear.
+
+    ``at`` are distances (m) from ``start`` towards ``end``; before the first and beyond the last, ``values`` go on.
+    """
+
+    start: str
+    end: str
+    at: tuple[float, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class HeldPart:
+    """The part of a bone that holds the tissue around it: beyond ``beyond`` (m) from ``start`` towards ``end``.
+
+    Between two bones of many small ones (a wrist, an ankle) the skin moves gradually, over more than the joint line.
+    """
+
+    bone: str
+    start: str
+    end: str
+    beyond: float
+
+
+@dataclass(frozen=True)
+class Cushion:
+    """Tissue within ``radius`` (m) of a landmark goes with the bone: what covers a bony point stays on it."""
+
+    bone: str
+    landmark: str
+    radius: float
+
+
+@dataclass(frozen=True)
+class LimbPlan:
+    """All of it."""
+
+    name: str
+    side: Literal["right", "left"]
+    skin: SkinPlan
+    bodies: tuple[str, ...]
+    shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
+    bones: tuple[BonePlan, ...]
+    points: tuple[PointPlan, ...]
+    axes: tuple[AxisPlan, ...]
+    handles: tuple[HandlePlan, ...]
+    joints: tuple[Joint, ...]
+    coordinates: tuple[Coordinate, ...]
+    rest_from: dict[str, tuple[str, float]]  # coordinate: (source hinge, sign)
+    deformers: tuple[Deformer, ...]
+    held: tuple[HeldPart, ...]
+    cushions: tuple[Cushion, ...]  # bones that are not named hold along their whole length
+    fit_near_cut: tuple[tuple[float, ...], tuple[float, ...]]  # distance from the cut (m), weight
+    fit_ramps: tuple[RampPlan, ...]
+    pose: Callable[[SourceSkeleton, SourceSkin, Mesh], tuple[dict[str, float], dict[str, Placement]]]
