@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Correspondences, Target, find_corres, visible_from
+from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres, visible_from
 from adapt.fit.examples import choose_examples
 from adapt.fit.first_poses import read_first_poses
 from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
@@ -216,7 +216,6 @@ def rosenbrock(x: Floats) -> Quadratic:
     return Quadratic(0.5 * float(r @ r), j.T @ r, j.T @ j)
 
 
-@pytest.mark.xfail(strict=True, reason="refused steps are counted over the whole search, not in a row")
 def test_levenberg_marquardt_finds_a_known_minimum():
     found = levenberg_marquardt(rosenbrock, np.array([-1.2, 1.0]), steps=100, tolerance=0.0)
     np.testing.assert_allclose(found, [1.0, 1.0], atol=1e-6)
@@ -267,17 +266,24 @@ def test_growing_all_over_costs_only_the_spread_of_size(arm, growth):
 # ---- algorithms 1 to 3
 
 
+def centres_apart_m(body, one, other) -> float:
+    """The largest distance between the same joint centre in two poses."""
+    here, there = joint_centres(body, one), joint_centres(body, other)
+    return max(float(np.linalg.norm(here[name] - there[name])) for name in here)
+
+
 def test_a_known_pose_comes_back_from_an_exact_cloud(person, sample):
+    """From starts that every joint centre is inside the gate of: from 4 to 6 cm away, the twist may come out wrong."""
     body, thetas, targets = person
     rng = np.random.default_rng(3)
+    spread = np.r_[np.full(3, 0.015), np.full(3, 0.005), np.full(4, 0.025)]
     for theta, target in zip(thetas, targets, strict=True):
-        off = theta + rng.normal(0.0, 1.0, len(theta)) * np.r_[np.full(3, 0.03), np.full(3, 0.01), np.full(4, 0.05)]
+        off = theta + rng.normal(0.0, 1.0, len(theta)) * spread
+        assert 0.005 < centres_apart_m(body, off, theta) < GATE_M
         fit = fit_pose(body, target, off, sample, updates=25)
-        assert fit.residual_m < 0.001
-        apart = [np.linalg.norm(c - joint_centres(body, theta)[n]) for n, c in joint_centres(body, fit.theta).items()]
-        assert max(apart) < 0.003
-        assert np.rad2deg(np.abs(fit.theta - theta)[6:]).max() < 3.0
-        assert np.rad2deg(np.abs(fit.theta - theta)[6]) < 1.0
+        assert fit.residual_m < 0.0005
+        assert centres_apart_m(body, fit.theta, theta) < 0.002
+        assert np.rad2deg(np.abs(fit.theta - theta)[6:]).max() < 1.5
 
 
 def test_the_same_inputs_give_the_same_pose(person, sample):

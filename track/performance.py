@@ -27,6 +27,7 @@ LENGTH_SPREAD = 0.08
 SCALE_SPREAD = 0.06
 _SOFT_REACH_M = 0.04
 _SOFT_BUMPS = 200
+_SWAY_DEG, _SWAY_M = 25.0, 0.02  # enough to show the back of a joint now and then
 
 
 class PerformanceError(BonetrackError):
@@ -155,7 +156,7 @@ def _joined(parts: list[Floats], transition: int) -> Floats:
 
 
 def _sway(body: Body, thetas: Floats, fps: float, rng: np.random.Generator) -> Floats:
-    """Slow turns and shifts of the free joint, a few degrees and centimetres."""
+    """Slow turns and shifts of the free joint."""
     time = np.arange(len(thetas)) / fps
     swayed = thetas.copy()
     for joint in body.anatomy.joints:
@@ -164,7 +165,7 @@ def _sway(body: Body, thetas: Floats, fps: float, rng: np.random.Generator) -> F
         index = [body.anatomy.coordinate_index(name) for name in joint.coordinates]
         rate, phase = rng.uniform(0.15, 0.45, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
         waves = np.sin(2.0 * np.pi * rate * time[:, None] + phase)
-        turn = Rotation.from_rotvec(np.deg2rad(10.0) * waves[:, :3])
+        turn = Rotation.from_rotvec(np.deg2rad(_SWAY_DEG) * waves[:, :3])
         swayed[:, index[:3]] = (turn * Rotation.from_rotvec(thetas[:, index[:3]])).as_rotvec()
-        swayed[:, index[3:]] += 0.02 * waves[:, 3:]
+        swayed[:, index[3:]] += _SWAY_M * waves[:, 3:]
     return swayed

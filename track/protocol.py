@@ -52,16 +52,29 @@ def calibrated(recording: Recording) -> Recording:
     return open_recording(recording.path)
 
 
-def error_table(results: list[dict[str, Any]], title: str) -> Table:
-    """Mean ± SD (maximum) of every kind of error, a column per subject and one over all."""
-    table = Table("error", "unit", *[f"subject {r['seed']}" for r in results], "all", title=title)
+def error_rows(results: list[dict[str, Any]]) -> list[list[str]]:
+    """A header, then mean ± SD (maximum) of every kind of error: a column per subject and one over all."""
+    rows = [["error", "unit", *[f"subject {r['seed']}" for r in results], "all"]]
     for name, first in results[0]["errors"].items():
-        rows = [r["errors"][name] for r in results]
-        cells = [f"{row['mean']:.2f} ± {row['sd']:.2f} ({row['max']:.1f})" for row in rows]
-        mean = np.mean([row["mean"] for row in rows])
-        table.add_row(name, first["unit"], *cells, f"{mean:.2f} ({max(row['max'] for row in rows):.1f})")
-    table.add_row("frames lost", "", *[f"{r['lost']} of {r['frames']}" for r in results], "")
-    return table
+        errors = [r["errors"][name] for r in results]
+        cells = [f"{e['mean']:.2f} ± {e['sd']:.2f} ({e['max']:.1f})" for e in errors]
+        mean, worst = np.mean([e["mean"] for e in errors]), max(e["max"] for e in errors)
+        rows.append([name, first["unit"], *cells, f"{mean:.2f} ({worst:.1f})"])
+    lost, frames = sum(r["lost"] for r in results), sum(r["frames"] for r in results)
+    rows.append(["frames lost", "", *[f"{r['lost']} of {r['frames']}" for r in results], f"{lost} of {frames}"])
+    return rows
+
+
+def show(results: list[dict[str, Any]], title: str, markdown: Path) -> None:
+    """Print the table, and write it as Markdown."""
+    header, *rows = error_rows(results)
+    table = Table(*header, title=title)
+    for row in rows:
+        table.add_row(*row)
+    stdout.print(table)
+    lines = [header, ["---"] * len(header), *rows]
+    with replaced_when_complete(markdown) as partial:
+        partial.write_text("\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n", encoding="utf-8")
 
 
 @click.command()
@@ -86,7 +99,7 @@ def main(anatomy: str, subjects: int, first_seed: int, noise: str, seconds: floa
                 with replaced_when_complete(done) as partial:
                     partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
             results.append(json.loads(done.read_text(encoding="utf-8")))
-        stdout.print(error_table(results, f"{anatomy}, noise: {kind}, {seconds:g} s a motion"))
+        show(results, f"{anatomy}, noise: {kind}, {seconds:g} s a motion", out / f"{kind}.md")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Make the sample recording that ships in ``recordings/``: a random body that bends and twists its arm.
 
-    python -m track.sample --out recordings/upper-limb-right-sample
+python -m track.sample --out recordings/upper-limb-right-sample
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def levenberg_marquardt(
             damping, refused = 10.0 * damping, refused + 1
             continue
         gain = here.energy - there.energy
-        x, here, damping, taken = candidate, there, damping / 5.0, taken + 1
+        x, here, damping, taken, refused = candidate, there, damping / 5.0, taken + 1, 0
         if gain < tolerance * here.energy:
             break
     return x

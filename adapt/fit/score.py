@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -12,21 +13,27 @@ from adapt.fit.correspondences import Target, depth_at, visible_from
 from adapt.fit.pose import PoseFit
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin
+from adapt.model.surface import vertex_areas
 from capture.fuse import Cloud
 
 FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
 ATTACHED_M = 0.03  # what a limb whose whole outline lies on other surface costs
+VOID_M = 0.06  # what a limb that lies in empty space altogether costs
 _BESIDE_M = 0.035  # how far beside the outline to look for other surface
 _SAME_SURFACE_M = 0.035  # surface this near in depth goes on beyond the outline
+_SEEN_PAST_M = 0.06  # a sensor that measures this much behind a vertex has looked past it
+_AROUND_PX, _NOTHING_M = 7, 1e6
 _OUTLINE = 0.35  # cosine between normal and line of sight below which skin belongs to the outline
 
 
 @dataclass(frozen=True)
 class ScoredPose:
-    """A pose with how badly it explains the cloud (m): skin without points, points without skin, and attachment.
+    """A pose with how badly it explains the cloud (m): skin without points, points without skin, and what else jars.
 
     ``attached`` is the share of the outline beyond which the same surface goes on: an arm laid out on a chest has
-    points near all its skin, but no outline of its own.
+    points near all its skin, but no outline of its own. ``void`` is the share of the skin's area, parts that do not
+    count in fitting included, where the sensors saw past it: an arm turned end for end may have its forearm in the
+    person's, but its shoulder in empty space.
     """
 
     fit: PoseFit = field(repr=False)
@@ -34,11 +41,12 @@ class ScoredPose:
     cloud_m: float
     coverage: float  # share of the skin that should be seen and is
     attached: float
+    void: float
 
     @property
     def badness_m(self) -> float:
         """What candidates are compared by."""
-        return self.skin_m + self.cloud_m + ATTACHED_M * self.attached
+        return self.skin_m + self.cloud_m + ATTACHED_M * self.attached + VOID_M * self.void
 
 
 def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> ScoredPose:
@@ -54,7 +62,8 @@ def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> 
     unexplained, _ = tree.query(target.cloud.points[:: max(1, len(target.cloud.points) // 500)])
     cloud_m = float(np.minimum(unexplained, FAR_M).mean())
     attached = float(attached_share(target.cloud, points[None], normals[None], weight)[0])
-    return ScoredPose(fit, skin_m, cloud_m, coverage, attached)
+    void = float(void_share(target.cloud, skin[None], vertex_areas(skin, sample.faces))[0])
+    return ScoredPose(fit, skin_m, cloud_m, coverage, attached, void)
 
 
 def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Floats) -> Floats:
@@ -76,6 +85,20 @@ def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Float
         outline += np.bincount(placement, weights[vertex], minlength=len(points))
         attached += np.bincount(placement, weights[vertex] * same, minlength=len(points))
     return np.asarray(attached / np.maximum(outline, 1e-9))
+
+
+def void_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
+    """For R placements of N vertices (R, N, 3) the weighted share (R,) at which a sensor saw nothing, or past it.
+
+    Sensors drop pixels on any surface, so a vertex is in the void only where no pixel around it shows a surface.
+    """
+    void = np.zeros(points.shape[:2], dtype=bool)
+    for view in cloud.views:
+        filled = np.where(view.depth > 0.0, view.depth, _NOTHING_M).astype(np.float32)
+        nearest = cv2.erode(filled, np.ones((_AROUND_PX, _AROUND_PX)), borderType=cv2.BORDER_REPLICATE)
+        measured, depth, inside = depth_at(replace(view, depth=nearest), points.reshape(-1, 3))
+        void |= (inside & (measured > depth + _SEEN_PAST_M)).reshape(void.shape)
+    return np.asarray(void @ weights / weights.sum())
 
 
 def _distance_if_visible(target: Target, points: Floats, normals: Floats) -> tuple[Floats, Floats]:

@@ -18,7 +18,7 @@ from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import ATTACHED_M, FAR_M, ScoredPose, attached_share, score_pose
+from adapt.fit.score import ATTACHED_M, FAR_M, VOID_M, ScoredPose, attached_share, score_pose, void_share
 from adapt.fit.slender import slender_parts
 from adapt.model.body import Body, pose_skin, rest_theta
 from capture.errors import FitError
@@ -33,7 +33,8 @@ _PARTS = 4  # of the slender parts, the largest
 _EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
 _GOOD_COVERAGE = 0.9  # a pose from a likely start that finds this share of the skin needs no search
-_CLEARLY = 1.3  # a pose found by search must be better by this factor than one from a likely start
+_GOOD_ATTACHED, _GOOD_VOID = 0.4, 0.15  # the same of a pose with less of its outline attached, of its skin in the void
+_CLEARLY_M = 0.003  # a pose found by search must be better by this much than one from a likely start
 
 
 def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
@@ -57,14 +58,15 @@ def locate(
 ) -> ScoredPose:
     """A pose from some likely ``starts``, or by search where none of them leads to a good one.
 
-    Good is a skin that is ``good_m`` from the cloud and nearly all found.
+    Good is a skin that is ``good_m`` from the cloud, nearly all found, and neither laid on other surface nor in the
+    void.
 
     Raises:
         FitError: nothing fits.
     """
     tried = [pose for theta in starts if (pose := try_pose(body, target, sample, theta)) is not None]
     best = min(tried, key=lambda pose: pose.badness_m, default=None)
-    if best is not None and best.skin_m < good_m and best.coverage > _GOOD_COVERAGE:
+    if best is not None and best.skin_m < good_m and _is_sound(best):
         return best
     try:
         searched = find_pose(body, target)
@@ -73,9 +75,13 @@ def locate(
             raise
         return best
     searched = try_pose(body, target, sample, searched.fit.theta) or searched
-    if best is not None and best.badness_m < _CLEARLY * searched.badness_m:
+    if best is not None and best.badness_m < searched.badness_m + _CLEARLY_M:
         return best
     return searched
+
+
+def _is_sound(pose: ScoredPose) -> bool:
+    return pose.coverage > _GOOD_COVERAGE and pose.attached < _GOOD_ATTACHED and pose.void < _GOOD_VOID
 
 
 def try_pose(body: Body, target: Target, sample: SkinSample, start: Floats) -> ScoredPose | None:
@@ -174,6 +180,7 @@ def _place(coarse: _Coarse, rotations: Floats, cloud: Cloud) -> Iterator[tuple[F
         placed = points + shift[:, None]
         score = (weights * distance).sum(axis=1) / total + _unexplained(placed, cloud)
         score += ATTACHED_M * attached_share(cloud, placed, normals, coarse.weights)
+        score += VOID_M * void_share(cloud, placed, np.ones(len(coarse.points)))
         theta = np.tile(coarse.theta, (len(rotations), 1))
         theta[:, coarse.root] = np.column_stack([vectors, shift])
         yield theta, score

@@ -1,0 +1,95 @@
+"""Soft tissue: thin over the bony landmarks, deep on muscle, and what strays from the template strays by that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adapt.anatomy import Anatomy
+from adapt.fit.sample import sample_skin, weighted_by_tissue
+from adapt.tissue import DEEP_M, SHARE, tissue_depth, tissue_deviation
+from track.performance import soft_tissue
+
+BONY = ("EM", "EL", "olecranon", "US", "RS")  # humeral epicondyles, elbow's tip, styloids
+NEAR_M = 0.010
+
+
+def near_landmark(arm: Anatomy, name: str):
+    """Vertices (V,) of the skin about a landmark: within 1 cm of the one nearest to it."""
+    landmark = arm.landmarks[arm.landmark_names.index(name)]
+    nearest = arm.skin_vertices[np.linalg.norm(arm.skin_vertices - landmark, axis=1).argmin()]
+    return np.linalg.norm(arm.skin_vertices - nearest, axis=1) < NEAR_M
+
+
+def muscle_of_the_upper_arm(arm: Anatomy):
+    """Vertices (V,) around the middle half of the humerus."""
+    shoulder, medial, lateral = (arm.landmarks[arm.landmark_names.index(name)] for name in ("GH", "EM", "EL"))
+    axis = 0.5 * (medial + lateral) - shoulder
+    along = (arm.skin_vertices - shoulder) @ axis / (axis @ axis)
+    off = np.linalg.norm(arm.skin_vertices - shoulder - along[:, None] * axis, axis=1)
+    return (along > 0.25) & (along < 0.75) & (off < 0.08)
+
+
+@pytest.mark.parametrize("name", BONY)
+def test_tissue_is_thin_over_bony_landmarks(arm, name):
+    depth = tissue_depth(arm)[near_landmark(arm, name)]
+    assert len(depth) > 2
+    assert depth.min() < 0.006
+    assert np.median(depth) < 0.011
+
+
+def test_tissue_is_deeper_on_the_upper_arms_muscle(arm):
+    depth, muscle = tissue_depth(arm), muscle_of_the_upper_arm(arm)
+    thinnest = max(np.median(depth[near_landmark(arm, name)]) for name in BONY)
+    assert muscle.sum() > 200
+    assert np.median(depth[muscle]) > 2.0 * thinnest
+    assert np.quantile(depth[muscle], 0.05) > thinnest
+
+
+def test_tissue_depth_is_the_distance_to_the_nearest_bone(arm):
+    some = np.random.default_rng(0).choice(len(arm.skin_vertices), 20, replace=False)
+    bones = np.concatenate([bone.vertices for bone in arm.bones])
+    apart = np.linalg.norm(arm.skin_vertices[some, None] - bones, axis=2).min(axis=1)
+    np.testing.assert_allclose(tissue_depth(arm)[some], apart)
+
+
+def test_skin_strays_by_a_share_of_the_depth_that_stops_growing(arm):
+    depth, deviation = tissue_depth(arm), tissue_deviation(arm)
+    shallow = depth < DEEP_M
+    assert 0.1 < shallow.mean() < 0.9
+    np.testing.assert_allclose(deviation[shallow], SHARE * depth[shallow])
+    np.testing.assert_allclose(deviation[~shallow], SHARE * DEEP_M)
+
+
+def test_made_up_soft_tissue_has_the_deviation_that_the_depth_allows(arm):
+    drawn = np.array([soft_tissue(arm, np.random.default_rng(seed)) for seed in range(20)])
+    size = np.linalg.norm(drawn, axis=2) / tissue_deviation(arm)
+    assert np.sqrt((size**2).mean()) == pytest.approx(1.0, abs=0.15)
+    shallow = tissue_depth(arm) < 0.5 * DEEP_M
+    deep = tissue_depth(arm) > DEEP_M
+    moved = np.sqrt((drawn**2).sum(axis=2).mean(axis=0))
+    assert moved[deep].mean() > 2.0 * moved[shallow].mean()
+    assert np.sqrt((size[:, shallow] ** 2).mean()) == pytest.approx(1.0, abs=0.25)
+
+
+def test_made_up_soft_tissue_lies_along_the_normals_and_repeats(arm):
+    one, same, other = (soft_tissue(arm, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 0.001
+    normals = sample_skin(arm).normals(arm.skin_vertices)
+    np.testing.assert_allclose(np.cross(one, normals), 0.0, atol=1e-9)
+
+
+def test_vertices_over_deep_tissue_count_less_before_the_skin_is_adapted(arm):
+    sample = sample_skin(arm)
+    bony = weighted_by_tissue(sample, arm)
+    np.testing.assert_array_equal(bony.vertices, sample.vertices)
+    share = bony.observations[sample.vertices] / sample.observations[sample.vertices]
+    depth = tissue_depth(arm)[sample.vertices]
+    assert ((share > 0.0) & (share <= 1.0)).all()
+    order = np.argsort(depth)
+    assert (np.diff(share[order]) <= 1e-12).all()
+    assert share[depth > DEEP_M].max() < 0.25 < 0.75 < share[depth < 0.005].min()
+    np.testing.assert_array_equal(weighted_by_tissue(replace(sample), arm).observations, bony.observations)
