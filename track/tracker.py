@@ -28,7 +28,8 @@ ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint acceler
 ACCELERATION_M_S2 = 20.0
 _FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower than this
 _MEMORY_S = 0.25  # a velocity older than this says nothing any more
-LEAST_COVERAGE = 0.45
+LEAST_COVERAGE = 0.75
+LARGEST_SKIN_M = 0.013  # mean distance of the skin that should show to the cloud
 LARGEST_RESIDUAL_M = 0.006
 _GATE_M = 0.03
 _UPDATES, _STEPS = 6, 1
@@ -115,6 +116,8 @@ class Tracker:
             lost = f"only {100 * score.coverage:.0f} % of the skin that should show was found"
         elif fit.residual_m > LARGEST_RESIDUAL_M:
             lost = f"skin and cloud are {1e3 * fit.residual_m:.1f} mm apart"
+        elif score.skin_m > LARGEST_SKIN_M:
+            lost = f"the skin that should show is {1e3 * score.skin_m:.1f} mm from the cloud"
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
         covariance = pose_covariance(self.subject, fit, self.sample)
         return TrackedFrame(time_s, theta, covariance, fit.residual_m, score.coverage, len(fit.matches), lost)

@@ -29,8 +29,9 @@ FEWEST_POSES = 4
 MOST_POSES = 8
 DEFAULT_POSES = 6
 _CANDIDATES = 18  # frames looked at when choosing example poses
-_SEARCHED = 3  # frames in which the limb is searched for; the others start from their neighbours
+_SEARCHED = 2  # frames in which the limb is searched for; the others start from their neighbours
 _CLEARLY = 1.3  # a candidate that explains the skin worse than the others by this factor is in a wrong pose
+_LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4
 _TOLERABLE_M = 0.02  # a candidate that explains the skin worse than this is not adapted to
 
 
@@ -84,7 +85,19 @@ def adapt_recording(
         body, usable = _choose(body, usable, sample, poses)
     targets, thetas = [c.target for c in usable], np.array([c.pose.fit.theta for c in usable])
     adaptation = adapt_body(body, targets, thetas, progress=progress)
+    _refuse_a_collapsed_body(adaptation.body, recording)
     return _subject(adaptation, usable)
+
+
+def _refuse_a_collapsed_body(body: Body, recording: Recording) -> None:
+    """A body shrunk into a few points explains them well: what says that it is wrong is that nobody is so built."""
+    scales = body.shape[::4]
+    if scales.min() < _LEAST_SCALE or scales.max() > _LARGEST_SCALE:
+        raise FitError(
+            f"the body came out {scales.min():.2f} to {scales.max():.2f} times the template's size, which nobody is",
+            where=recording.path,
+            remedy="some first poses are wrong: choose the frames, narrow the region, or give first poses",
+        )
 
 
 def _plausible(candidates: list[_Candidate]) -> list[_Candidate]:

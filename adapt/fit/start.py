@@ -28,7 +28,7 @@ from capture.rigid import exp_so3
 _COARSE_VERTICES = 100
 _COARSE_POINTS = 60
 _ROTATIONS = 600  # about 25 degrees apart
-_REFINED = 12
+_REFINED = 10
 _PARTS = 4  # of the slender parts, the largest
 _EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
