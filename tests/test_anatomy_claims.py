@@ -143,7 +143,8 @@ def test_heads_of_bones_keep_their_shape_in_bodies_of_other_proportions(anatomy:
     template, other = make_body(anatomy), kind.body(anatomy)
     for name, (bone, index) in heads(anatomy).items():
         left, scale = similarity_residual(template.rest_bones[bone][index], other.rest_bones[bone][index])
-        assert left < 0.0015, name
+        # Carpus and knuckles are several small bones each, not one head.
+        assert left < (0.0025 if name.startswith("hand") else 0.0015), name
         assert scale == pytest.approx(kind.scale, abs=0.02), name
 
 

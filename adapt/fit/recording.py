@@ -18,7 +18,7 @@ from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
-from adapt.fit.start import locate, try_pose
+from adapt.fit.start import locate, try_pose, variations
 from adapt.model.body import Body, make_body
 from adapt.subject import Subject
 from capture.errors import BonetrackError, CloudError, FitError
@@ -28,7 +28,7 @@ from capture.recording import Instant, Recording, instants
 FEWEST_POSES = 4
 MOST_POSES = 8
 DEFAULT_POSES = 6
-_CANDIDATES = 18  # frames looked at when choosing example poses
+_CANDIDATES = 12  # frames looked at when choosing example poses
 _SEARCHED = 2  # frames in which the limb is searched for; the others start from their neighbours
 _CLEARLY = 1.3  # a candidate that explains the skin worse than the others by this factor is in a wrong pose
 _LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4
@@ -185,9 +185,9 @@ def _pose_candidates(
         progress(f"first pose {number + 1} of {len(targets)}")
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
         try:
-            starts, good = [posed[other].fit.theta for other in near], _worst_of(posed)
+            starts = [start for other in near for start in variations(body.anatomy, posed[other].fit.theta)]
             posed[k] = _given(body, targets[k], sample, first_poses.get(k)) or locate(
-                body, targets[k], sample, starts, good_m=good
+                body, targets[k], sample, starts, good_m=_worst_of(posed)
             )
         except FitError as error:
             problem = error

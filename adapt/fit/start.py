@@ -64,10 +64,13 @@ def locate(
     Raises:
         FitError: nothing fits.
     """
-    tried = [pose for theta in starts if (pose := try_pose(body, target, sample, theta)) is not None]
+    tried: list[ScoredPose] = []
+    for theta in starts:
+        pose = try_pose(body, target, sample, theta)
+        if pose is not None and pose.skin_m < good_m and _is_sound(pose):
+            return pose
+        tried += [] if pose is None else [pose]
     best = min(tried, key=lambda pose: pose.badness_m, default=None)
-    if best is not None and best.skin_m < good_m and _is_sound(best):
-        return best
     try:
         searched = find_pose(body, target)
     except FitError:
@@ -78,6 +81,18 @@ def locate(
     if best is not None and best.badness_m < searched.badness_m + _CLEARLY_M:
         return best
     return searched
+
+
+def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
+    """A pose, and the same with each hinge turned by a fifth of its range either way: starts for a time apart."""
+    varied = [theta]
+    for joint in anatomy.joints:
+        if joint.type == "hinge":
+            i = anatomy.coordinate_index(joint.coordinates[0])
+            low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
+            for step in (-0.2 * (high - low), 0.2 * (high - low)):
+                varied.append(np.r_[theta[:i], np.clip(theta[i] + step, low, high), theta[i + 1 :]])
+    return varied
 
 
 def _is_sound(pose: ScoredPose) -> bool:

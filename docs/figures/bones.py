@@ -18,6 +18,8 @@ from capture.rigid import apply, inverse
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+_HEAD_RADIUS_M = 0.045
+
 
 def depth_inside(points: Floats, vertices: Floats, faces: Ints) -> Floats:
     """How deep (N,) in m points lie inside a surface; negative outside. Holes and folds are no harm."""
@@ -85,7 +87,9 @@ FIGURE_7 = (
 def heads(anatomy: Anatomy) -> dict[str, tuple[str, Ints]]:
     """The ends of the bones: handle name -> (bone name, indices of its vertices).
 
-    A head reaches from the bone's end to as far behind the handle in it as the end lies beyond the handle.
+    A head reaches from the bone's end to as far behind the handle in it as the end lies beyond the handle, but no
+    farther than a quarter of the way to the bone's other handle, and 4.5 cm to the sides (the thumb, which springs
+    from the carpus, does not belong to the knuckles).
     """
     found = {}
     for bone in anatomy.bones:
@@ -93,8 +97,12 @@ def heads(anatomy: Anatomy) -> dict[str, tuple[str, Ints]]:
         middle = np.mean([handle.position for handle in own], axis=0)
         for handle in own:
             outward = np.array(handle.position) - middle
-            beyond = (bone.vertices - np.array(handle.position)) @ outward
-            found[handle.name] = (bone.name, np.flatnonzero(beyond > -beyond.max()))
+            half = float(np.linalg.norm(outward))
+            offset = bone.vertices - np.array(handle.position)
+            beyond = offset @ outward / half
+            across = np.linalg.norm(offset - beyond[:, None] * outward / half, axis=1)
+            inside = (beyond > -min(float(beyond.max()), half / 2.0)) & (across < _HEAD_RADIUS_M)
+            found[handle.name] = (bone.name, np.flatnonzero(inside))
     return found
 
 
