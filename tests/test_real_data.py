@@ -36,7 +36,7 @@ def test_a_real_arm_is_found_without_help(
     assert found.fit.residual_m < 0.006
     assert found.skin_m < 0.012
     assert found.coverage > 0.85
-    assert found.attached < 0.1
+    assert found.attached < 0.2
     assert found.void < 0.15
     elbow = np.rad2deg(found.fit.theta[arm.coordinate_index("elbow_flexion")])
     assert elbow_deg[0] < elbow < elbow_deg[1]

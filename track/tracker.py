@@ -23,7 +23,7 @@ from adapt.subject import Subject
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
 
-SAMPLED_VERTICES = 1500
+SAMPLED_VERTICES = 2000
 ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
 ACCELERATION_M_S2 = 20.0
 _FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower than this
@@ -32,7 +32,7 @@ LEAST_COVERAGE = 0.75
 LARGEST_SKIN_M = 0.013  # mean distance of the skin that should show to the cloud
 LARGEST_RESIDUAL_M = 0.006
 _GATE_M = 0.03
-_UPDATES, _STEPS = 6, 1
+_UPDATES, _STEPS = 8, 1
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 
 
