@@ -17,13 +17,13 @@ from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenbe
 from adapt.fit.pose import GaussianPose, fit_pose, match_pose
 from adapt.fit.priors import SIZE_SIGMA, range_term, shape_precision
 from adapt.fit.sample import sample_skin
-from adapt.fit.shape import fit_shape
+from adapt.fit.shape import Unknowns, fit_shape, shape_energy
 from adapt.fit.skin import STIFFNESS, fit_skin
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import vertex_areas
 from adapt.model.variation import Points
-from adapt.tissue import tissue_deviation
+from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import FitError
 from capture.fuse import Cloud
 from capture.rigid import exp_so3, log_so3
@@ -72,6 +72,13 @@ def matched(target, vertex, normal=(0.0, 0.0, -1.0), **options):
 def test_a_vertex_takes_the_nearest_point_of_the_cloud():
     matches = matched(patch(), (0.012, -0.019, 1.01))
     np.testing.assert_allclose(matches.target, [[0.01, -0.02, 1.0]])
+    np.testing.assert_allclose(matches.normal, [[0.0, 0.0, -1.0]])
+    np.testing.assert_allclose(matches.distance, [-0.01], atol=1e-12)
+
+
+def test_distance_is_measured_along_the_skins_normal_whatever_the_clouds_noisy_one():
+    leaning = np.tile([0.6, 0.0, -0.8], (len(patch().cloud.points), 1))
+    matches = matched(patch(normals=leaning), (0.0, 0.0, 1.01))
     np.testing.assert_allclose(matches.normal, [[0.0, 0.0, -1.0]])
     np.testing.assert_allclose(matches.distance, [-0.01], atol=1e-12)
 
@@ -179,14 +186,14 @@ def test_the_data_terms_matrix_is_that_of_its_residuals():
     assert (np.linalg.eigvalsh(here.hessian) > 0.0).all()
 
 
-def test_the_data_term_weighs_distance_to_the_plane_ten_times():
+def test_the_data_term_weighs_distance_to_the_plane_a_hundred_times():
     n = np.array([[0.0, 0.0, 1.0]])
     matches = Correspondences(np.array([0]), np.zeros((1, 3)), n, np.zeros(1))
     along, across = (
         data_term(Points(np.array([p]), np.zeros((1, 3, 1))), matches, np.ones(1)).energy
         for p in ([0.0, 0.0, 0.01], [0.01, 0.0, 0.0])
     )
-    assert along == pytest.approx(11.0 * across)
+    assert along == pytest.approx(101.0 * across)
 
 
 def test_joint_ranges_cost_nothing_inside_and_have_true_derivatives_outside(arm):
@@ -321,9 +328,9 @@ def test_a_prior_holds_across_half_a_turn_of_the_rotation_vector(arm, person, sa
 
 @pytest.fixture(scope="module")
 def shaped(arm, person, sample):
-    """The template's shape, fitted to the person's clouds from poses that are a little off."""
-    body, thetas, targets = person
-    start = make_body(arm, v_hat=body.v_hat)
+    """The template, fitted to the person's clouds from poses that are a little off."""
+    _, thetas, targets = person
+    start = make_body(arm)
     off = thetas + np.random.default_rng(5).normal(0.0, 0.02, thetas.shape)
     return fit_shape(start, targets, off, sample, updates=12)
 
@@ -339,9 +346,8 @@ def test_a_known_shape_comes_back_from_exact_clouds(arm, person, shaped):
     template_off = np.abs(spans(make_body(arm)) - spans(body))
     off = np.abs(spans(shaped.body) - spans(body))
     assert template_off.max() > 0.01
-    assert off[:-1].max() < 0.002
-    # The forearm's length trades against its twist when poses start off: a known weakness of the shape fit.
-    assert off[-1] < 0.012
+    assert off.max() < 0.006  # soft tissue that nobody knows of hides the shoulder's end best
+    assert off[-1] < 0.004
     fitted = [pose_skin(shaped.body, theta) for theta in shaped.thetas]
     true = [pose_skin(body, theta) for theta in thetas]
     counted = arm.fit_weight > 0.5
@@ -483,3 +489,27 @@ def test_first_poses_that_make_no_sense_are_refused(tmp_path, arm, text):
         read_first_poses(tmp_path / "first.csv", arm)
     with pytest.raises(FitError, match=r"none\.csv"):
         read_first_poses(tmp_path / "none.csv", arm)
+
+
+def test_shape_tissue_and_poses_have_true_derivatives(arm, person, sample):
+    """The energy of algorithm 2 for fixed matches, by some of each kind of unknown."""
+    body, thetas, targets = person
+    field = tissue_field(arm)
+    c = np.random.default_rng(2).normal(0.0, 0.3, field.modes.shape[1])
+    x = np.concatenate([body.shape, c, thetas[:2].ravel()])
+    of = Unknowns(len(body.shape), len(c), len(arm.coordinates))
+    matches = [
+        match_pose(body, target, theta + 0.01, sample, gate_m=GATE_M)
+        for target, theta in zip(targets[:2], thetas[:2], strict=True)
+    ]
+    evaluate = shape_energy(body, arm.skin_vertices, matches, sample, of)
+    some = np.r_[0:16:3, of.tissue.start : of.tissue.stop : 30, of.pose(0), of.pose(1)]
+
+    def energy(part):
+        moved = x.copy()
+        moved[some] = part
+        return np.array([evaluate(moved).energy])
+
+    gradient = evaluate(x).gradient[some]
+    scale = np.abs(gradient).max()
+    check_jacobian(lambda part: energy(part) / scale, gradient[None] / scale, x[some], step=1e-5, relative=1e-5)

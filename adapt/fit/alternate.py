@@ -9,6 +9,8 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
+from adapt.fit.least_squares import SIGMA_M
+from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
 from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.fit.shape import fit_shape
@@ -52,9 +54,10 @@ def adapt_body(
     sample = sample_skin(body.anatomy)
     bony = weighted_by_tissue(sample, body.anatomy)
     covariance = np.zeros((len(body.shape), len(body.shape)))
+    noise_m = SIGMA_M
     for outer in range(outer_rounds):
         progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
-        fitted = fit_shape(body, targets, thetas, bony)
+        fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m))
         body, thetas, covariance = fitted.body, fitted.thetas, fitted.covariance
         if not optimise_skin:
             continue
@@ -65,6 +68,7 @@ def adapt_body(
                 wide = match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M)
                 matches.append(wide)
             body = fit_skin(body, thetas, matches, sample)
+        noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
     progress("final poses")
     fits = [fit_pose(body, target, theta, sample) for target, theta in zip(targets, thetas, strict=True)]
     return Adaptation(body, fits, covariance)

@@ -27,8 +27,9 @@ _OCCLUDED_M = 0.03  # something measured this much nearer than the vertex hides 
 class Correspondences:
     """M matches in the cloud's frame.
 
-    Vertex index (M,), target point and its normal (M, 3), and how far (m) the vertex stood from its target along
-    that normal when they were matched (M,).
+    Vertex index (M,), target point (M, 3), the vertex's own normal (M, 3), and how far (m) the vertex stood from its
+    target along it when they were matched (M,). The plane of point-to-plane is the model's, not the cloud's: normals
+    of a cloud are noisy, and lean where its surface ends (docs/model.md tells what that costs).
     """
 
     vertex: Ints
@@ -113,5 +114,6 @@ def find_corres(
     kept[kept] = ~cloud.boundary[match[kept]]
     kept[kept] = np.einsum("ij,ij->i", facing[kept], cloud.normals[match[kept]]) > 0.0
     points, match = points[kept], match[kept]
-    apart = np.einsum("ij,ij->i", cloud.normals[match], points - cloud.points[match])
-    return Correspondences(eligible[kept], cloud.points[match], cloud.normals[match], apart)
+    normal, matched = facing[kept], cloud.points[match]
+    apart = np.einsum("ij,ij->i", normal, points - matched)
+    return Correspondences(eligible[kept], matched, normal, apart)

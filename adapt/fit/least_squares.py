@@ -11,7 +11,7 @@ from adapt.anatomy import Floats
 from adapt.fit.correspondences import Correspondences
 from adapt.model.variation import Points
 
-PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point (paper, section 3.3)
+PLANE_WEIGHT = 100.0  # point-to-plane against point-to-point. The paper takes 10: sliding along the skin then creeps
 SIGMA_M = 0.002  # what one independent patch of surface disagrees by where the skin is known
 _MOST_REFUSED = 8
 PATCH_M2 = 0.03**2  # errors of neighbouring points are alike: this much skin counts as one observation

@@ -10,7 +10,7 @@ from scipy import sparse
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.least_squares import PATCH_M2, SIGMA_M
 from adapt.model.surface import incidence, vertex_areas, vertex_normals
-from adapt.tissue import tissue_deviation
+from adapt.tissue import tissue_field
 
 _LEAST_WEIGHT = 0.02  # vertices that count less than this are not worth a search
 
@@ -36,9 +36,9 @@ class SkinSample:
 def weighted_by_tissue(sample: SkinSample, anatomy: Anatomy) -> SkinSample:
     """The same vertices, counted by how well they tell where the bones are before the skin itself is adapted.
 
-    An observation's variance grows from SIGMA_M^2 by that of the soft tissue beneath the vertex.
+    An observation's variance grows from SIGMA_M^2 by that of the soft tissue which the coarse modes leave out.
     """
-    share = SIGMA_M**2 / (SIGMA_M**2 + tissue_deviation(anatomy) ** 2)
+    share = SIGMA_M**2 / (SIGMA_M**2 + tissue_field(anatomy).remainder ** 2)
     return replace(sample, observations=sample.observations * share)
 
 

@@ -1,0 +1,45 @@
+"""How much skin and cloud disagree, learnt from the fit itself.
+
+It decides how far the data may pull a body away from what is known of bodies beforehand: well-measured bare skin
+deserves more trust than a sleeve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.correspondences import Correspondences
+from adapt.fit.least_squares import PATCH_M2, SIGMA_M
+from adapt.fit.sample import SkinSample
+
+_LEAST_M, _MOST_M = 0.00075, 0.004  # below and beyond these an estimate is not believed
+_LEAST_SHARE = 0.3  # a patch of which less was matched says little
+
+
+def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: SkinSample, parameters: float) -> float:
+    """Standard deviation (m) of a patch's mean distance from the cloud, along the normal, over K poses.
+
+    Patches are cubes of the rest skin with PATCH_M2 sides. ``parameters`` is how many of them the fit has used up:
+    what it could bend to the data no longer shows in the distances.
+    """
+    means = np.concatenate([_patch_means(anatomy, match, sample) for match in matches])
+    free = max(len(means) - parameters, 0.1 * len(means))
+    return float(np.clip(np.sqrt((means**2).sum() / free), _LEAST_M, _MOST_M))
+
+
+def _patch_means(anatomy: Anatomy, match: Correspondences, sample: SkinSample) -> Floats:
+    cubes = np.floor(anatomy.skin_vertices[match.vertex] / np.sqrt(PATCH_M2)).astype(np.int64)
+    _, patch = np.unique(cubes, axis=0, return_inverse=True)
+    weight = sample.observations[match.vertex]
+    total = np.bincount(patch.ravel(), weight)
+    mean = np.bincount(patch.ravel(), weight * match.distance) / np.maximum(total, 1e-12)
+    return np.asarray(mean[total > _LEAST_SHARE])
+
+
+def trusted(sample: SkinSample, noise_m: float) -> SkinSample:
+    """The sample, each observation counted as one of standard deviation ``noise_m`` instead of SIGMA_M."""
+    return replace(sample, observations=sample.observations * (SIGMA_M / noise_m) ** 2)
