@@ -7,7 +7,7 @@ X forward, Y up, Z right (ISB) in the rest pose; points are (N, 3); all arrays a
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FORMAT = "bonetrack-anatomy"
-VERSION = 1
+VERSION = 2  # 2: spline joints
 
-JointType = Literal["free", "hinge", "universal"]
+JointType = Literal["free", "hinge", "universal", "spline"]
 DeformerType = Literal["rigid", "forearm"]
 
 
@@ -77,7 +77,12 @@ class Joint:
     free: six coordinates, a rotation vector (rad) and the origin of the child's frame (m), in the recording.
     hinge: one coordinate, a turn about the line through the two landmarks of ``axes[0]``.
     universal: two coordinates; the line ``axes[0]`` is fixed in the parent, ``axes[1]`` rides on the first turn.
+    spline: one coordinate; where it equals ``knots[i]`` (rad), a frame of the child coincides with ``frames[i]`` of
+    landmarks of the parent, and between knots it follows cubic splines (paper, section 3.6).
     ``centre`` names the landmarks whose mean is the joint centre.
+
+    Joints may share a coordinate: a kneecap follows the knee's.
+    Raises AnatomyError when the parts do not make a joint of its type.
     """
 
     name: str
@@ -87,6 +92,37 @@ class Joint:
     coordinates: tuple[str, ...]
     axes: tuple[tuple[str, str], ...]
     centre: tuple[str, ...]
+    knots: tuple[float, ...] = ()
+    frames: tuple[Frame, ...] = ()
+
+    def __post_init__(self) -> None:
+        problem = _joint_problem(self)
+        if problem is not None:
+            raise AnatomyError(problem, where=f"joint {self.name}", remedy="mend the anatomy's data")
+
+    def landmarks(self) -> tuple[str, ...]:
+        """Names of all landmarks that the joint's motion or centre depends on, each once."""
+        in_frames = (name for frame in self.frames for names in astuple(frame) for name in names)
+        return tuple(dict.fromkeys([*(name for axis in self.axes for name in axis), *in_frames, *self.centre]))
+
+
+_PARTS: dict[str, tuple[int, int]] = {"free": (6, 0), "hinge": (1, 1), "universal": (2, 2), "spline": (1, 0)}
+"""How many coordinates and axes a joint of each type has."""
+
+
+def _joint_problem(joint: Joint) -> str | None:
+    """Why these parts make no joint, or None."""
+    if joint.type not in _PARTS:
+        return f"no type {joint.type!r}: the types are {', '.join(_PARTS)}"
+    if (len(joint.coordinates), len(joint.axes)) != _PARTS[joint.type]:
+        return "a joint of type {} has {} coordinate(s) and {} axes".format(joint.type, *_PARTS[joint.type])
+    if (joint.type == "free") != (joint.parent is None):
+        return "a free joint has no parent, and every other has one"
+    if len(joint.knots) != len(joint.frames) or (joint.type == "spline") != bool(joint.knots):
+        return "a spline joint has one frame a knot, and every other has none"
+    if joint.type == "spline" and (len(joint.knots) < 2 or not (np.diff(joint.knots) > 0.0).all()):
+        return "a spline joint needs two knots or more that increase"
+    return None
 
 
 @dataclass(frozen=True)
@@ -270,9 +306,16 @@ def _frame(parts: dict[str, list[str]]) -> Frame:
 
 
 def _joint(parts: dict[str, Any]) -> Joint:
-    axes = tuple((first, second) for first, second in parts["axes"])
     return Joint(
-        **(parts | {"coordinates": tuple(parts["coordinates"]), "axes": axes, "centre": tuple(parts["centre"])})
+        parts["name"],
+        parts["type"],
+        parts["parent"],
+        parts["child"],
+        tuple(parts["coordinates"]),
+        tuple((first, second) for first, second in parts["axes"]),
+        tuple(parts["centre"]),
+        tuple(parts.get("knots", ())),  # version 1 had neither knots nor frames
+        tuple(_frame(frame) for frame in parts.get("frames", ())),
     )
 
 

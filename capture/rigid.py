@@ -39,7 +39,7 @@ def exp_so3(rotation_vector: Floats) -> Floats:
 
 
 def log_so3(rotation: Floats) -> Floats:
-    """Rotation vector (rad, norm in [0, pi]) of one rotation matrix (3, 3)."""
+    """Rotation vectors (rad, norm in [0, pi]) of one rotation matrix (3, 3) or of several (N, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(rotation).as_rotvec())

@@ -1,0 +1,25 @@
+"""One motion per joint type, in rest space: how the child's rest pose is carried (anatomy.Joint).
+
+T_child = T_parent H(q, q_rest; p), with H the identity at rest. Writing the joint in rest space keeps
+T_b(theta) = F_b(theta) F_b(rest)^-1 (paper, section 3.1) without a frame of its own at every joint.
+"""
+
+from __future__ import annotations
+
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.joints.free import free
+from adapt.model.joints.spline import spline
+from adapt.model.joints.turns import turns
+from adapt.model.variation import Motion, Points
+
+
+def joint_motion(anatomy: Anatomy, joint: Joint, theta: Floats, p: Points, first_column: int) -> Motion:
+    """The joint's motion H, varying with theta (its columns start at ``first_column``) and with the landmarks."""
+    index = [anatomy.coordinate_index(name) for name in joint.coordinates]
+    columns = [first_column + i for i in index]
+    if joint.type == "free":
+        return free(anatomy, joint, theta[index], p, columns)
+    rest = [anatomy.coordinates[i].rest for i in index]
+    if joint.type == "spline":
+        return spline(anatomy, joint, float(theta[index[0]]), rest[0], p, columns[0])
+    return turns(anatomy, joint, theta[index] - rest, p, columns)

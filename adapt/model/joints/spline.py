@@ -1,0 +1,115 @@
+"""The spline joint (paper, section 3.6): a child that glides along landmarks of its parent, such as a knee.
+
+Where the coordinate q equals knot i, a frame of the child coincides with a frame C_i(p) = [R_i, o_i] of the parent's
+landmarks: its origin o_i is the control point on the joint's surface, one of its axes the normal there. Between:
+
+    o(q) = sum_i o_i b_i(q)                      the paper's t(q): the centre of rotation cancels, as sum b_i = 1
+    r(q) = sum_i r_i b_i(q),  r_i = log(R_i R_0^T)     the paper's angle between the normals n_i and n_0, in space
+    G(q) = [exp(r(q)), o(q)],   H = G(q) G(q_rest)^-1
+
+b_i are the cubic splines (not-a-knot) that are 1 at knot i and 0 at the others; beyond the knots they go on in
+straight lines. A similarity of all landmarks scales the shifts and leaves the angles; a mirror image of the landmarks
+gives the mirrored motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from adapt.anatomy import Anatomy, Floats, Ints, Joint
+from adapt.model.frames import rotations_from_directions
+from adapt.model.variation import Motion, Points, compose, constant_points, invert
+from capture.errors import AnatomyError
+from capture.rigid import exp_so3, left_jacobian_so3, log_so3
+
+_WIDEST = np.deg2rad(170.0)  # a turn from the first frame must stay clear of half a turn, where r_i jumps
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """What does not change with pose and body: which landmarks (U,), and how K frames are made of them."""
+
+    landmarks: Ints
+    means: Floats = field(repr=False)  # (5, K, U): origin, y_from, y_to, z_from, z_to as means of landmarks
+    basis: CubicSpline = field(repr=False)  # q to b (K,)
+
+
+@dataclass(frozen=True)
+class _Controls:
+    """Control values of the splines at K knots with their derivatives: r (K, 3) in rad, o (K, 3) in m."""
+
+    r: Floats
+    dr: Floats  # (K, 3, n)
+    o: Floats
+    do: Floats  # (K, 3, n)
+
+
+def spline(anatomy: Anatomy, joint: Joint, q: float, rest: float, p: Points, column: int) -> Motion:
+    """H at the coordinate's value ``q`` (rad) for a child that rests at ``rest``.
+
+    Raises:
+        AnatomyError: frames that are none, or turned by half a turn against the first.
+    """
+    prepared = _prepare(anatomy, joint)
+    controls = _controls(prepared, p)
+    resting = _along(prepared, controls, rest, None)
+    return compose(_along(prepared, controls, q, column), invert(resting))
+
+
+def _along(prepared: _Prepared, controls: _Controls, q: float, column: int | None) -> Motion:
+    """G(q), varying with the landmarks and, if given a column, with q."""
+    b, slope = basis_at(prepared.basis, q)
+    r, dr, do = b @ controls.r, np.tensordot(b, controls.dr, axes=1), np.tensordot(b, controls.do, axes=1)
+    if column is not None:
+        dr[:, column] += slope @ controls.r
+        do[:, column] += slope @ controls.o
+    return Motion(exp_so3(r), b @ controls.o, left_jacobian_so3(r) @ dr, do)
+
+
+def basis_at(basis: CubicSpline, q: float) -> tuple[Floats, Floats]:
+    """b(q) and its slope (K,), in straight lines beyond the outermost knots."""
+    nearest = float(np.clip(q, basis.x[0], basis.x[-1]))
+    slope = basis(nearest, 1)
+    return basis(nearest) + (q - nearest) * slope, slope
+
+
+def _controls(prepared: _Prepared, p: Points) -> _Controls:
+    """Control values for landmarks p, and how they vary with them."""
+    value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
+    o, y_from, y_to, z_from, z_to = prepared.means @ value
+    do, dy_from, dy_to, dz_from, dz_to = np.tensordot(prepared.means, d, axes=1)
+    rotation, d_rotation = rotations_from_directions(y_to - y_from, dy_to - dy_from, z_to - z_from, dz_to - dz_from)
+    turn = rotation @ rotation[0].T
+    r = log_so3(turn)
+    dr = np.linalg.solve(left_jacobian_so3(r), d_rotation - turn @ d_rotation[0])
+    return _Controls(r, dr, o, do)
+
+
+@lru_cache(maxsize=32)
+def _prepare(anatomy: Anatomy, joint: Joint) -> _Prepared:
+    roles = [
+        [getattr(frame, role) for frame in joint.frames] for role in ("origin", "y_from", "y_to", "z_from", "z_to")
+    ]
+    used = list(dict.fromkeys(name for role in roles for names in role for name in names))
+    means = np.array([[[names.count(u) / len(names) for u in used] for names in role] for role in roles])
+    landmarks = np.array([anatomy.landmark_index(name) for name in used])
+    prepared = _Prepared(landmarks, means, CubicSpline(joint.knots, np.eye(len(joint.knots))))
+    _check_frames(prepared, anatomy.landmarks, joint)
+    return prepared
+
+
+def _check_frames(prepared: _Prepared, landmarks: Floats, joint: Joint) -> None:
+    _, y_from, y_to, z_from, z_to = prepared.means @ landmarks[prepared.landmarks]
+    if (np.linalg.norm(np.cross(y_to - y_from, z_to - z_from), axis=1) == 0.0).any():
+        raise AnatomyError(
+            "a frame's landmarks lie on a line", where=f"joint {joint.name}", remedy="mend the anatomy's data"
+        )
+    turns = _controls(prepared, constant_points(landmarks, 0)).r
+    if (np.linalg.norm(turns, axis=1) > _WIDEST).any():
+        raise AnatomyError(
+            "its frames turn by half a turn", where=f"joint {joint.name}", remedy="order them from one end"
+        )

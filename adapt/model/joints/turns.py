@@ -1,0 +1,32 @@
+"""Hinge and universal joint: turns about lines through landmarks, each riding on the one before."""
+
+from __future__ import annotations
+
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.frames import unit
+from adapt.model.variation import Motion, Points, compose
+from capture.rigid import exp_so3, hat, left_jacobian_so3
+
+
+def turns(anatomy: Anatomy, joint: Joint, angles: Floats, p: Points, columns: list[int]) -> Motion:
+    """Turns by ``angles`` (rad, from rest) about the joint's axes: H = H_1 H_2 ..."""
+    first, *others = (
+        _turn(anatomy, axis, angle, p, column) for axis, angle, column in zip(joint.axes, angles, columns, strict=True)
+    )
+    motion = first
+    for turn in others:
+        motion = compose(motion, turn)
+    return motion
+
+
+def _turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
+    """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f."""
+    first, second = (anatomy.landmark_index(name) for name in axis)
+    f, df = p.value[first], p.d[first]
+    direction, d_direction = unit(p.value[second] - f, p.d[second] - df)
+    rotation = exp_so3(angle * direction)
+    d_rotation = left_jacobian_so3(angle * direction) @ (angle * d_direction)
+    d_rotation[:, column] += direction
+    turned = rotation @ f
+    d_translation = df - rotation @ df + hat(turned) @ d_rotation
+    return Motion(rotation, f - turned, d_rotation, d_translation)
