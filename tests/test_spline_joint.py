@@ -124,6 +124,19 @@ def test_it_varies_as_stated_with_theta_and_landmarks_beyond_its_knots_too(
     check_motion(motion, np.r_[angle, moved.ravel()])
 
 
+def test_landmarks_that_stand_still_give_the_same_motion_as_those_that_vary(leg: Anatomy) -> None:
+    n, column = len(leg.coordinates), leg.coordinate_index("bend")
+    for landmarks in (leg.landmarks, 1.1 * leg.landmarks):
+        for angle in (0.4, 1.2):
+            theta = np.full(n, angle)
+            still = joint_motion(leg, leg.joint("knee"), theta, constant_points(landmarks, n), 0)
+            varying = joint_motion(leg, leg.joint("knee"), theta, seeded(landmarks, spare=n), 0)
+            np.testing.assert_allclose(still.matrix(), varying.matrix(), atol=1e-14)
+            for part, other in ((still.d_rotation, varying.d_rotation), (still.d_translation, varying.d_translation)):
+                np.testing.assert_allclose(part[:, column], other[:, column], atol=1e-14)
+                assert not np.delete(part, column, axis=1).any()
+
+
 def test_the_skin_over_a_knee_varies_as_stated_with_pose_and_shape(leg: Anatomy) -> None:
     identity = affine_set(leg).identity
     shape = identity + np.random.default_rng(1).normal(0.0, 0.02, len(identity))

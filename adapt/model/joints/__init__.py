@@ -7,9 +7,9 @@ T_b(theta) = F_b(theta) F_b(rest)^-1 (paper, section 3.1) without a frame of its
 from __future__ import annotations
 
 from adapt.anatomy import Anatomy, Floats, Joint
-from adapt.model.joints.free import free
-from adapt.model.joints.spline import spline
-from adapt.model.joints.turns import turns
+from adapt.model.joints.free import free_motion
+from adapt.model.joints.spline import spline_motion
+from adapt.model.joints.turns import turning_motion
 from adapt.model.variation import Motion, Points
 
 
@@ -18,8 +18,8 @@ def joint_motion(anatomy: Anatomy, joint: Joint, theta: Floats, p: Points, first
     index = [anatomy.coordinate_index(name) for name in joint.coordinates]
     columns = [first_column + i for i in index]
     if joint.type == "free":
-        return free(anatomy, joint, theta[index], p, columns)
-    rest = [anatomy.coordinates[i].rest for i in index]
+        return free_motion(anatomy, joint, theta[index], p, columns)
     if joint.type == "spline":
-        return spline(anatomy, joint, float(theta[index[0]]), rest[0], p, columns[0])
-    return turns(anatomy, joint, theta[index] - rest, p, columns)
+        return spline_motion(anatomy, joint, float(theta[index[0]]), p, columns[0])
+    rest = [anatomy.coordinates[i].rest for i in index]
+    return turning_motion(anatomy, joint, theta[index] - rest, p, columns)

@@ -10,7 +10,7 @@ from adapt.model.variation import Motion, Points, compose, invert
 from capture.rigid import exp_so3, left_jacobian_so3
 
 
-def free(anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
+def free_motion(anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
     """The child's frame placed by a rotation vector and an origin: H = [exp(q_r), q_t] C_child(p)^-1."""
     d_rotation, d_translation = np.zeros((2, 3, p.n))
     d_rotation[:, columns[:3]] = left_jacobian_so3(q[:3])

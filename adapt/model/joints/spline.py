@@ -14,7 +14,7 @@ gives the mirrored motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
 from adapt.model.frames import rotations_from_directions
-from adapt.model.variation import Motion, Points, compose, constant_points, invert
+from adapt.model.variation import Motion, Points, compose, identity_motion, invert
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, left_jacobian_so3, log_so3
 
@@ -36,34 +36,39 @@ class _Prepared:
     landmarks: Ints
     means: Floats = field(repr=False)  # (5, K, U): origin, y_from, y_to, z_from, z_to as means of landmarks
     basis: CubicSpline = field(repr=False)  # q to b (K,)
+    rest: float  # rad
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Controls:
-    """Control values of the splines at K knots with their derivatives: r (K, 3) in rad, o (K, 3) in m."""
+    """What does not change with the pose: r_i (rad) and o_i (m), their derivatives, and G(q_rest)^-1."""
 
-    r: Floats
-    dr: Floats  # (K, 3, n)
-    o: Floats
-    do: Floats  # (K, 3, n)
+    r: Floats  # (K, 3)
+    dr: Floats  # (K, 3n)
+    o: Floats  # (K, 3)
+    do: Floats  # (K, 3n)
+    to_rest: Motion
 
 
-def spline(anatomy: Anatomy, joint: Joint, q: float, rest: float, p: Points, column: int) -> Motion:
-    """H at the coordinate's value ``q`` (rad) for a child that rests at ``rest``.
+def spline_motion(anatomy: Anatomy, joint: Joint, q: float, p: Points, column: int) -> Motion:
+    """H at the coordinate's value ``q`` (rad), whose derivative is ``column``.
 
     Raises:
         AnatomyError: frames that are none, or turned by half a turn against the first.
     """
     prepared = _prepare(anatomy, joint)
-    controls = _controls(prepared, p)
-    resting = _along(prepared, controls, rest, None)
-    return compose(_along(prepared, controls, q, column), invert(resting))
+    value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
+    if d.any():
+        controls = _controls(prepared, value, d)
+    else:  # pose after pose of one body
+        controls = _controls_of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
+    return compose(_along(prepared.basis, controls, q, column), controls.to_rest)
 
 
-def _along(prepared: _Prepared, controls: _Controls, q: float, column: int | None) -> Motion:
+def _along(basis: CubicSpline, controls: _Controls, q: float, column: int | None) -> Motion:
     """G(q), varying with the landmarks and, if given a column, with q."""
-    b, slope = basis_at(prepared.basis, q)
-    r, dr, do = b @ controls.r, np.tensordot(b, controls.dr, axes=1), np.tensordot(b, controls.do, axes=1)
+    b, slope = basis_at(basis, q)
+    r, dr, do = b @ controls.r, (b @ controls.dr).reshape(3, -1), (b @ controls.do).reshape(3, -1)
     if column is not None:
         dr[:, column] += slope @ controls.r
         do[:, column] += slope @ controls.o
@@ -77,16 +82,24 @@ def basis_at(basis: CubicSpline, q: float) -> tuple[Floats, Floats]:
     return basis(nearest) + (q - nearest) * slope, slope
 
 
-def _controls(prepared: _Prepared, p: Points) -> _Controls:
-    """Control values for landmarks p, and how they vary with them."""
-    value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
-    o, y_from, y_to, z_from, z_to = prepared.means @ value
+def _controls(prepared: _Prepared, landmarks: Floats, d: Floats) -> _Controls:
+    """Control values from the landmarks (U, 3) that the joint uses, which vary as ``d`` (U, 3, n) says."""
+    o, y_from, y_to, z_from, z_to = prepared.means @ landmarks
     do, dy_from, dy_to, dz_from, dz_to = np.tensordot(prepared.means, d, axes=1)
     rotation, d_rotation = rotations_from_directions(y_to - y_from, dy_to - dy_from, z_to - z_from, dz_to - dz_from)
     turn = rotation @ rotation[0].T
     r = log_so3(turn)
     dr = np.linalg.solve(left_jacobian_so3(r), d_rotation - turn @ d_rotation[0])
-    return _Controls(r, dr, o, do)
+    flat = len(r), -1
+    still = _Controls(r, dr.reshape(flat), o, do.reshape(flat), identity_motion(d.shape[-1]))
+    return replace(still, to_rest=invert(_along(prepared.basis, still, prepared.rest, None)))
+
+
+@lru_cache(maxsize=32)
+def _controls_of_still_landmarks(anatomy: Anatomy, joint: Joint, landmarks: bytes, n: int) -> _Controls:
+    """Control values that vary with none of n parameters; the landmarks (U, 3) are given as their bytes."""
+    points = np.frombuffer(landmarks).reshape(-1, 3)
+    return _controls(_prepare(anatomy, joint), points, np.zeros((*points.shape, n)))
 
 
 @lru_cache(maxsize=32)
@@ -97,18 +110,19 @@ def _prepare(anatomy: Anatomy, joint: Joint) -> _Prepared:
     used = list(dict.fromkeys(name for role in roles for names in role for name in names))
     means = np.array([[[names.count(u) / len(names) for u in used] for names in role] for role in roles])
     landmarks = np.array([anatomy.landmark_index(name) for name in used])
-    prepared = _Prepared(landmarks, means, CubicSpline(joint.knots, np.eye(len(joint.knots))))
-    _check_frames(prepared, anatomy.landmarks, joint)
+    rest = anatomy.coordinates[anatomy.coordinate_index(joint.coordinates[0])].rest
+    prepared = _Prepared(landmarks, means, CubicSpline(joint.knots, np.eye(len(joint.knots))), rest)
+    _check_frames(prepared, anatomy.landmarks[landmarks], joint)
     return prepared
 
 
 def _check_frames(prepared: _Prepared, landmarks: Floats, joint: Joint) -> None:
-    _, y_from, y_to, z_from, z_to = prepared.means @ landmarks[prepared.landmarks]
+    _, y_from, y_to, z_from, z_to = prepared.means @ landmarks
     if (np.linalg.norm(np.cross(y_to - y_from, z_to - z_from), axis=1) == 0.0).any():
         raise AnatomyError(
             "a frame's landmarks lie on a line", where=f"joint {joint.name}", remedy="mend the anatomy's data"
         )
-    turns = _controls(prepared, constant_points(landmarks, 0)).r
+    turns = _controls(prepared, landmarks, np.zeros((*landmarks.shape, 0))).r
     if (np.linalg.norm(turns, axis=1) > _WIDEST).any():
         raise AnatomyError(
             "its frames turn by half a turn", where=f"joint {joint.name}", remedy="order them from one end"

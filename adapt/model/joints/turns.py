@@ -8,7 +8,7 @@ from adapt.model.variation import Motion, Points, compose
 from capture.rigid import exp_so3, hat, left_jacobian_so3
 
 
-def turns(anatomy: Anatomy, joint: Joint, angles: Floats, p: Points, columns: list[int]) -> Motion:
+def turning_motion(anatomy: Anatomy, joint: Joint, angles: Floats, p: Points, columns: list[int]) -> Motion:
     """Turns by ``angles`` (rad, from rest) about the joint's axes: H = H_1 H_2 ..."""
     first, *others = (
         _turn(anatomy, axis, angle, p, column) for axis, angle, column in zip(joint.axes, angles, columns, strict=True)
