@@ -11,7 +11,9 @@ import pytest
 
 from adapt.anatomy import Anatomy, Floats, Frame, Joint, load_anatomy, save_anatomy
 from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, simm_spline, spline_joint
+from adapt.build.joint_accuracy import compare_with_table
 from adapt.build.knee import KNEE_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
+from adapt.fit.start import variations
 from adapt.model.body import bone_frames, bone_transforms, joint_centres, make_body, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.joints import joint_motion
@@ -73,6 +75,19 @@ def test_the_calibrated_joint_follows_the_table_over_its_range(
     off = np.array([differences(leg, joint, table, guides, angle) for angle in FLEXIONS])
     assert off[:, 0].max() < 0.0005
     assert np.rad2deg(off[:, 1].max()) < 0.5
+
+
+def test_the_comparison_with_the_table_finds_what_is_off_in_either_limb(leg: Anatomy) -> None:
+    knee, mirror = leg.joint("knee"), np.array([1.0, 1.0, -1.0])
+    for anatomy in (leg, replace(leg, landmarks=leg.landmarks * mirror)):
+        found = compare_with_table(anatomy, knee, WALKER_KNEE, PLATEAU, FLEXIONS)
+        expected = np.array([differences(leg, "knee", WALKER_KNEE, PLATEAU, angle) for angle in FLEXIONS])
+        np.testing.assert_allclose(found.turn, expected[:, 1], atol=1e-7)
+        assert (found.distance <= expected[:, 0] + 1e-9).all()
+    shifted = leg.landmarks.copy()
+    shifted[leg.landmark_index("knee_normal_03")] += 0.002
+    off = compare_with_table(replace(leg, landmarks=shifted), knee, WALKER_KNEE, PLATEAU, FLEXIONS)
+    assert np.rad2deg(off.turn.max()) > 1.0
 
 
 def test_from_knot_to_knot_the_joint_follows_the_table_exactly(leg: Anatomy) -> None:
@@ -201,6 +216,13 @@ def test_beyond_its_knots_the_joint_goes_on_smoothly(leg: Anatomy) -> None:
         far = motion_at(leg, "knee", end + outward * 0.3).matrix()
         assert np.isfinite(far).all()
         assert rotation_angle(far[:3, :3]) > 0.0
+
+
+def test_first_poses_are_sought_over_each_bending_once(leg: Anatomy) -> None:
+    theta = rest_theta(make_body(leg))
+    changed = [np.flatnonzero(other != theta).tolist() for other in variations(leg, theta)]
+    bend, point = leg.coordinate_index("bend"), leg.coordinate_index("point")
+    assert changed == [[], [bend], [bend], [point], [point]]
 
 
 def test_joints_that_share_a_coordinate_report_it_once(leg: Anatomy) -> None:

@@ -164,7 +164,7 @@ def twist_checks(body: Body) -> list[Check]:
 def drift_checks(anatomy: Anatomy) -> list[Check]:
     """Bone heads and the landmarks at a joint move together when proportions change.
 
-    All bone vertices within 2 cm of a joint's centre and all landmarks of its axes are deformed by 100 random
+    All bone vertices within 2 cm of a joint's centre and all landmarks of its motion are deformed by 100 random
     shapes (lengths by up to 8 per cent, scales by up to 6) and compared with the joint's own similarity.
     """
     affine, positions, rng = affine_set(anatomy), handle_positions(anatomy), np.random.default_rng(2015)
@@ -175,8 +175,7 @@ def drift_checks(anatomy: Anatomy) -> list[Check]:
         if group is None:
             continue
         index = affine.groups.index(group)
-        names = {name for axis in joint.axes for name in axis} | set(joint.centre)
-        rows = [anatomy.landmark_index(name) for name in sorted(names)]
+        rows = [anatomy.landmark_index(name) for name in joint.landmarks()]
         centre = anatomy.landmarks[[anatomy.landmark_index(name) for name in joint.centre]].mean(axis=0)
         parts = [(anatomy.landmarks[rows], anatomy.landmark_handle_weights[rows])]
         for bone in (anatomy.bone(name) for name in (joint.parent, joint.child) if name is not None):

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Floats, Frame, Joint
@@ -65,8 +66,13 @@ def simm_spline(x: tuple[float, ...], y: tuple[float, ...], at: Floats) -> Float
     Its third derivative at either end is that of the cubic through the nearest four points (Forsythe, Malcolm and
     Moler 1977); splines with other end conditions differ in the outermost intervals.
     """
+    return np.asarray(_simm_spline(x, y)(at))
+
+
+@lru_cache(maxsize=32)
+def _simm_spline(x: tuple[float, ...], y: tuple[float, ...]) -> BSpline:
     ends = [6.0 * np.polyfit(np.subtract(x[four], x[four][0]), y[four], 3)[0] for four in (slice(4), slice(-4, None))]
-    return np.asarray(make_interp_spline(x, y, k=3, bc_type=([(3, ends[0])], [(3, ends[1])]))(at))
+    return make_interp_spline(x, y, k=3, bc_type=([(3, ends[0])], [(3, ends[1])]))
 
 
 def child_in_parent(joint: CoupledJoint, angle: float) -> Floats:
@@ -76,9 +82,16 @@ def child_in_parent(joint: CoupledJoint, angle: float) -> Floats:
         turn = turn @ exp_so3(_at(joint, curve, angle) * np.array(curve.axis))
     for curve in joint.shifts:
         shift = shift + _at(joint, curve, angle) * np.array(curve.axis)
-    parent = _frame(joint.location_in_parent, joint.orientation_in_parent)
-    child = _frame(joint.location_in_child, joint.orientation_in_child)
+    parent, child = joint_frames(joint)
     return parent @ transform(turn, shift) @ inverse(child)
+
+
+def joint_frames(joint: CoupledJoint) -> tuple[Floats, Floats]:
+    """P and C (4, 4): the joint's frame in the parent and in the child."""
+    return (
+        _frame(joint.location_in_parent, joint.orientation_in_parent),
+        _frame(joint.location_in_child, joint.orientation_in_child),
+    )
 
 
 def spline_joint(

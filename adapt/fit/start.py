@@ -84,14 +84,12 @@ def locate(
 
 
 def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
-    """A pose, and the same with each hinge turned by a fifth of its range either way: starts for a time apart."""
+    """A pose, and the same with each bending by a fifth of its range more or less: starts for a time apart."""
     varied = [theta]
-    for joint in anatomy.joints:
-        if joint.type == "hinge":
-            i = anatomy.coordinate_index(joint.coordinates[0])
-            low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
-            for step in (-0.2 * (high - low), 0.2 * (high - low)):
-                varied.append(np.r_[theta[:i], np.clip(theta[i] + step, low, high), theta[i + 1 :]])
+    for i in _bending(anatomy):
+        low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
+        for step in (-0.2 * (high - low), 0.2 * (high - low)):
+            varied.append(np.r_[theta[:i], np.clip(theta[i] + step, low, high), theta[i + 1 :]])
     return varied
 
 
@@ -155,17 +153,20 @@ def _configurations(body: Body) -> Iterator[_Coarse]:
 
 
 def _grid(anatomy: Anatomy) -> list[Floats]:
-    """Poses with each hinge at a few places of its range, other coordinates at rest, the root at zero."""
+    """Poses with each bending at a few places of its range, the others as near zero as they may be."""
     middle = np.array([np.clip(0.0, c.low, c.high) for c in anatomy.coordinates])
     poses = [middle]
-    for joint in anatomy.joints:
-        if joint.type != "hinge":
-            continue
-        i = anatomy.coordinate_index(joint.coordinates[0])
+    for i in _bending(anatomy):
         low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
         places = [low + share * (high - low) for share in (0.15, 0.5, 0.85)]
         poses = [np.r_[pose[:i], place, pose[i + 1 :]] for pose in poses for place in places]
     return poses
+
+
+def _bending(anatomy: Anatomy) -> list[int]:
+    """Where the coordinates of hinges and spline joints stand in theta, each once: joints may share one."""
+    names = [joint.coordinates[0] for joint in anatomy.joints if joint.type in ("hinge", "spline")]
+    return sorted({anatomy.coordinate_index(name) for name in names})
 
 
 def _root(anatomy: Anatomy) -> Ints:

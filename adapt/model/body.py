@@ -139,7 +139,7 @@ def posed_bones(body: Body, theta: Floats) -> dict[str, Floats]:
 
 
 def joint_centres(body: Body, theta: Floats) -> dict[str, Floats]:
-    """Centre (3,) of every joint, posed. It lies on the joint's axis, so parent and child agree on it."""
+    """Centre (3,) of every joint, posed with its parent; a child that only turns agrees, one that glides does not."""
     transforms = bone_transforms(body, theta)
     centres = {}
     for joint in body.anatomy.joints:
