@@ -90,7 +90,7 @@ def _wave(phase: Floats, *, middle_deg: float, swing_deg: float, cycles: float, 
 def perform(
     body: Body, motions: tuple[str, ...], *, seconds_each: float, fps: float = FPS, seed: int = 0
 ) -> Performance:
-    """Motions one after the other, with the swaying of a shoulder that nobody holds still.
+    """Motions one after the other, with the swaying of a limb that nobody holds still.
 
     Neighbouring motions are joined by a smooth transition of a third of a second.
     """

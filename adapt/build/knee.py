@@ -77,8 +77,8 @@ PATELLOFEMORAL = CoupledJoint(
 KNEE_KNOTS = _KNOTS[::2]
 PATELLA_KNOTS = (*_KNOTS[:2], *_KNOTS[2::2])
 
-PLATEAU = Guides(medial=(-0.006, -0.030, -0.018), lateral=(-0.006, -0.030, 0.024), normal=(-0.006, 0.0, 0.003))
-"""On the tibia: the middles of both plateaus, which glide over the condyles, and a point 3 cm above them."""
+PLATEAU = Guides(medial=(-0.006, -0.024, -0.018), lateral=(-0.006, -0.024, 0.024), normal=(-0.006, 0.001, 0.003))
+"""On the tibia: the middles of both plateaus, which glide over the condyles, and a point 25 mm above them."""
 
 PATELLAR_FACETS = Guides(medial=(-0.008, 0.027, -0.012), lateral=(-0.008, 0.027, 0.012), normal=(-0.030, 0.027, 0.0))
 """On the patella: both facets of its back, which glide in the trochlea, and a point 22 mm behind them."""
