@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Anatomy, Floats, Frame, Joint, load_anatomy, save_anatomy
+from adapt.build.checks import motions
 from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, simm_spline, spline_joint
 from adapt.build.joint_accuracy import compare_with_table
 from adapt.build.knee import KNEE_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
@@ -223,6 +224,14 @@ def test_first_poses_are_sought_over_each_bending_once(leg: Anatomy) -> None:
     changed = [np.flatnonzero(other != theta).tolist() for other in variations(leg, theta)]
     bend, point = leg.coordinate_index("bend"), leg.coordinate_index("point")
     assert changed == [[], [bend], [bend], [point], [point]]
+
+
+def test_checks_over_the_range_of_motion_go_through_a_shared_coordinate_once(leg: Anatomy) -> None:
+    body = make_body(leg)
+    poses = np.array(list(motions(body)))
+    bends = (poses[:, leg.coordinate_index("bend")] != rest_theta(body)[leg.coordinate_index("bend")]).sum()
+    points = (poses[:, leg.coordinate_index("point")] != rest_theta(body)[leg.coordinate_index("point")]).sum()
+    assert bends == points > 0
 
 
 def test_joints_that_share_a_coordinate_report_it_once(leg: Anatomy) -> None:

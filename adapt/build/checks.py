@@ -203,13 +203,13 @@ def _random_shape(affine: AffineSet, rng: np.random.Generator) -> Floats:
 
 def motions(body: Body, joints: tuple[Joint, ...] | None = None) -> Iterator[Floats]:
     """Poses over the range of motion: each joint over a grid of its coordinates, the others at rest."""
-    for joint in body.anatomy.joints if joints is None else joints:
-        if joint.type != "free":
-            yield from _grid(body, joint)
+    moving = [joint for joint in (body.anatomy.joints if joints is None else joints) if joint.type != "free"]
+    for coordinates in dict.fromkeys(joint.coordinates for joint in moving):  # once where joints share them
+        yield from _grid(body, coordinates)
 
 
-def _grid(body: Body, joint: Joint) -> Iterator[Floats]:
-    indices = [body.anatomy.coordinate_index(name) for name in joint.coordinates]
+def _grid(body: Body, coordinates: tuple[str, ...]) -> Iterator[Floats]:
+    indices = [body.anatomy.coordinate_index(name) for name in coordinates]
     ranges = [np.linspace(body.anatomy.coordinates[i].low, body.anatomy.coordinates[i].high, _STEPS) for i in indices]
     for values in product(*ranges):
         theta = rest_theta(body)

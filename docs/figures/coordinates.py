@@ -27,7 +27,8 @@ MEANING = {
 
 def coordinate_table(anatomy: Anatomy) -> str:
     """Name, joint, unit, range and rest value of every coordinate, in the order of theta."""
-    joint_of = {name: joint for joint in anatomy.joints for name in joint.coordinates}
+    # Where joints share a coordinate, it is the first one's: the others follow.
+    joint_of = {name: joint for joint in reversed(anatomy.joints) for name in joint.coordinates}
     lines = ["| coordinate | joint (type) | unit | range | at rest | positive means |", "|---|---|---|---|---|---|"]
     for coordinate in anatomy.coordinates:
         joint = joint_of[coordinate.name]
