@@ -2,13 +2,14 @@
 
     python docs/figures/knee.py --out docs/images
 
-Prints the largest differences and writes ``knee.png``. With ``--anatomy NAME`` the joints are a template's; without,
-they are calibrated here, at the tables' size.
+Prints the largest differences and how near the control landmarks lie to the femur, and writes ``knee.png`` and
+``knee-bones.png``. With ``--anatomy NAME`` joints and bones are a template's; without, the joints are calibrated here,
+at the tables' size, on the source's bones (which needs the ``build`` extra).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -17,13 +18,18 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Coordinate, load_anatomy
-from adapt.build.coupled_joint import CoupledJoint, Guides, joint_frames, spline_joint
+from adapt.anatomy import Anatomy, Bone, Coordinate, Frame, load_anatomy
+from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint
 from adapt.build.joint_accuracy import Comparison, compare_with_table
 from adapt.build.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
+from adapt.build.sources_myosim import SourceBody
+from adapt.model.joints import joint_motion
+from adapt.model.variation import constant_points
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from capture.rigid import inverse
+from capture.rigid import apply, inverse
+from track.evaluate import distance_to_mesh
+from track.render import BONE, Layer, framing_camera, look_at, render, save_png
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +41,7 @@ class Panel:
     """One joint of the figure: its table, and the names of turns (body-fixed, in ``order``) and shifts to draw."""
 
     joint: str
+    child: str
     title: str
     table: CoupledJoint
     guides: Guides
@@ -46,6 +53,7 @@ class Panel:
 PANELS = (
     Panel(
         "knee",
+        "tibia",
         "tibia in femur",
         WALKER_KNEE,
         PLATEAU,
@@ -55,6 +63,7 @@ PANELS = (
     ),
     Panel(
         "patellofemoral",
+        "patella",
         "patella in femur",
         PATELLOFEMORAL,
         PATELLAR_FACETS,
@@ -66,7 +75,11 @@ PANELS = (
 
 
 def calibrated() -> Anatomy:
-    """The joints alone, without bones or skin, in the femur's OpenSim frame."""
+    """The joints and the source's bones, without skin or handles, in the femur's OpenSim frame."""
+    from adapt.build.sources_myosim import load_skeleton
+
+    source = load_skeleton(("femur_r", "tibia_r", "patella_r")).bodies
+    bones = [_bone("femur", source["femur_r"], np.eye(4))]
     joints, landmarks = [], {"knee": np.zeros(3)}
     for panel, knots in zip(PANELS, (KNEE_KNOTS, PATELLA_KNOTS), strict=True):
         joint, controls = spline_joint(
@@ -76,17 +89,18 @@ def calibrated() -> Anatomy:
             knots=knots,
             name=panel.joint,
             parent="femur",
-            child=panel.joint,
+            child=panel.child,
             coordinate="knee_angle",
             centre=("knee",),
         )
         joints.append(joint)
         landmarks |= controls
+        bones.append(_bone(panel.child, source[f"{panel.child}_r"], child_in_parent(panel.table, REST)))
     nothing = np.zeros((0, 3))
     return Anatomy(
         name="calibrated joints",
         side="right",
-        bones=(),
+        bones=tuple(bones),
         joints=tuple(joints),
         coordinates=(Coordinate("knee_angle", "rad", 0.0, KNEE_KNOTS[-1], REST),),
         handles=(),
@@ -101,6 +115,11 @@ def calibrated() -> Anatomy:
         fit_weight=np.zeros(0),
         tetrahedra={},
     )
+
+
+def _bone(name: str, body: SourceBody, placed: Floats) -> Bone:
+    frame = Frame(("knee",), ("knee",), ("knee",), ("knee",), ("knee",))  # nothing here asks for it
+    return Bone(name, frame, apply(placed, body.vertices), body.faces, np.zeros((len(body.vertices), 0)))
 
 
 def curves(panel: Panel, angles: Floats, placed: Floats) -> tuple[Floats, Floats]:
@@ -138,6 +157,41 @@ def draw(found: dict[str, Comparison], path: Path) -> None:
     plt.close(figure)
 
 
+def bent_bones(model: Anatomy, angle: float) -> list[Layer]:
+    """The femur at rest, the other bones carried by their joints with the knee at ``angle`` (rad)."""
+    theta = np.full(len(model.coordinates), angle)
+    p = constant_points(model.landmarks, len(theta))
+    femur = model.bone(str(model.joint(PANELS[0].joint).parent))
+    layers = [Layer(femur.vertices, femur.faces, BONE)]
+    for panel, colour in zip(PANELS, ((0.80, 0.87, 0.96), (0.96, 0.80, 0.70)), strict=True):
+        joint = model.joint(panel.joint)
+        child = model.bone(joint.child)
+        layers.append(
+            Layer(apply(joint_motion(model, joint, theta, p, 0).matrix(), child.vertices), child.faces, colour)
+        )
+    return layers
+
+
+def control_points(model: Anatomy, panel: Panel) -> Floats:
+    """The control landmarks on the joint's surface: a medial and a lateral one a knot."""
+    names = [name for frame in model.joint(panel.joint).frames for name in (*frame.z_from, *frame.z_to)]
+    return model.landmarks[[model.landmark_index(name) for name in names]]
+
+
+def picture_bones(model: Anatomy, path: Path) -> None:
+    """The knee from its outer side at five flexions, with the control points in blue."""
+    marks = np.concatenate([control_points(model, panel) for panel in PANELS])
+    middle = marks.mean(axis=0)
+    around = middle + np.array([[x, y, 0.0] for x in (-0.09, 0.09) for y in (-0.10, 0.10)])
+    eye = look_at(around, np.array([0.15, 0.1, 1.0]), np.array([0.0, 1.0, 0.0]))
+    camera = framing_camera(eye, around, width=300, height=330)
+    views = []
+    for angle in np.deg2rad([0.0, 30.0, 60.0, 90.0, 120.0]):
+        layers = [replace(layer, opacity=0.75) for layer in bent_bones(model, angle)]
+        views.append(render(layers, eye, camera, points=marks))
+    save_png(np.concatenate(views, axis=1), path)
+
+
 @click.command()
 @click.option("--anatomy", default=None, help="A template; by default the calibrated joints alone.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("docs/images"))
@@ -146,16 +200,21 @@ def main(anatomy: str | None, out: Path) -> None:
     model = calibrated() if anatomy is None else load_anatomy(anatomy)
     out.mkdir(parents=True, exist_ok=True)
     shown = Table(title=f"{model.name}: largest difference to the table, 0 to 120 degrees")
-    for column in ("joint", "origin (mm)", "turn (degrees)"):
+    for column in ("joint", "origin (mm)", "turn (degrees)", "medial points to femur (mm)", "lateral (mm)"):
         shown.add_column(column)
     found = {}
     for panel in PANELS:
         angles = np.union1d(np.linspace(0.0, panel.table.knots[-1], 481), panel.table.knots)
         compared = compare_with_table(model, model.joint(panel.joint), panel.table, panel.guides, angles)
         found[panel.joint] = compared
+        femur = model.bone(str(model.joint(panel.joint).parent))
+        off = 1e3 * distance_to_mesh(control_points(model, panel), femur.vertices, femur.faces).reshape(-1, 2).max(
+            axis=0
+        )
         worst = 1e3 * compared.distance.max(), np.rad2deg(compared.turn.max())
-        shown.add_row(panel.joint, *(f"{value:.3f}" for value in worst))
+        shown.add_row(panel.joint, *(f"{value:.3f}" for value in worst), *(f"{value:.1f}" for value in off))
     draw(found, out / "knee.png")
+    picture_bones(model, out / "knee-bones.png")
     stdout.print(shown)
 
 
