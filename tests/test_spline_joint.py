@@ -80,8 +80,10 @@ def test_the_calibrated_joint_follows_the_table_over_its_range(
 
 def test_the_comparison_with_the_table_finds_what_is_off_in_either_limb(leg: Anatomy) -> None:
     knee, mirror = leg.joint("knee"), np.array([1.0, 1.0, -1.0])
-    for anatomy in (leg, replace(leg, landmarks=leg.landmarks * mirror)):
-        found = compare_with_table(anatomy, knee, WALKER_KNEE, PLATEAU, FLEXIONS)
+    outward = tuple(replace(frame, z_from=frame.z_to, z_to=frame.z_from) for frame in knee.frames)
+    mirrored = replace(leg, landmarks=leg.landmarks * mirror)
+    for anatomy, joint in ((leg, knee), (mirrored, knee), (mirrored, replace(knee, frames=outward))):
+        found = compare_with_table(anatomy, joint, WALKER_KNEE, PLATEAU, FLEXIONS)
         expected = np.array([differences(leg, "knee", WALKER_KNEE, PLATEAU, angle) for angle in FLEXIONS])
         np.testing.assert_allclose(found.turn, expected[:, 1], atol=1e-7)
         assert (found.distance <= expected[:, 0] + 1e-9).all()

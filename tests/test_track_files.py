@@ -15,7 +15,7 @@ from adapt.subject import load_subject, save_subject
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
-from track.angles import humerus_rotation, read_thorax, reported_coordinates, thoraco_humeral
+from track.angles import read_thorax, refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.export import export_motion, export_subject
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.opensim_files import write_mot, write_trc
@@ -162,7 +162,7 @@ def test_isb_angles_compose_to_the_arms_rotation():
 
 def test_thoraco_humeral_angles_are_refused_where_there_is_no_humerus_to_speak_of():
     with pytest.raises(MotionError, match="the free bone of toy is the upper, not the humerus"):
-        humerus_rotation(toy_anatomy())
+        refuse_without_humerus(toy_anatomy())
 
 
 def test_a_thorax_file_must_hold_a_rigid_transform(tmp_path):

@@ -52,17 +52,16 @@ def thoraco_humeral(world_from_thorax: Floats, thetas: Floats, rotation: list[in
     return {f"thoracohumeral_{name}": values[:, k] for k, name in enumerate(names)}
 
 
-def humerus_rotation(anatomy: Anatomy) -> list[int]:
-    """Where the humerus' rotation vector stands in theta.
+def refuse_without_humerus(anatomy: Anatomy) -> None:
+    """Tell that there are no thoraco-humeral angles where another bone than the humerus is free in the recording.
 
     Raises:
-        MotionError: what is free in the recording is another bone, so that there are no thoraco-humeral angles.
+        MotionError: it is another.
     """
     root = next(joint for joint in anatomy.joints if joint.type == "free")
     if root.child != "humerus":
         problem = f"no thoraco-humeral angles: the free bone of {anatomy.name} is the {root.child}, not the humerus"
         raise MotionError(problem, remedy="leave out the thorax")
-    return [anatomy.coordinate_index(name) for name in root.coordinates[:3]]
 
 
 def _half_turn(angle: Floats) -> Floats:

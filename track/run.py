@@ -21,7 +21,7 @@ from capture.errors import CloudError
 from capture.files import replaced_when_complete
 from capture.fuse import Region, fuse, region_of_interest
 from capture.recording import Instant, Recording, instants
-from track.angles import humerus_rotation, reported_coordinates, thoraco_humeral
+from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
 from track.opensim_files import write_mot, write_trc
 from track.quality_table import write_quality
@@ -54,7 +54,7 @@ def track_recording(
         RecordingError, CalibrationError: see ``fuse``.
     """
     if world_from_thorax is not None:
-        humerus_rotation(subject.anatomy)  # told before the work, not after it
+        refuse_without_humerus(subject.anatomy)  # told before the work, not after it
     moments = instants(recording)
     _make_folder(out)
     region = region or region_of_interest(recording)
@@ -80,7 +80,9 @@ def write_motion_folder(
     """Write ``motion.npz``, ``angles.mot``, ``centres.trc`` and ``quality.csv``."""
     columns = reported_coordinates(subject.anatomy, motion.thetas)
     if world_from_thorax is not None:
-        columns |= thoraco_humeral(world_from_thorax, motion.thetas, humerus_rotation(subject.anatomy))
+        root = next(joint for joint in subject.anatomy.joints if joint.type == "free")
+        rotation = [subject.anatomy.coordinate_index(name) for name in root.coordinates[:3]]
+        columns |= thoraco_humeral(world_from_thorax, motion.thetas, rotation)
     write_mot(out / "angles.mot", motion.times, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
     write_quality(out / "quality.csv", motion, subject.anatomy)

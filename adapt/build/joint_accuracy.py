@@ -57,7 +57,7 @@ def rest_from_table(anatomy: Anatomy, joint: Joint, table: CoupledJoint, guides:
     """The similarity from the parent's OpenSim frame to the anatomy at rest: least squares over control landmarks."""
     points = np.array([guides.medial, guides.lateral, guides.normal])
     before = np.concatenate([apply(child_in_parent(table, knot), points) for knot in joint.knots])
-    names = [name for frame in joint.frames for name in (*frame.z_from, *frame.z_to, *frame.y_to)]
+    names = [name for frame in joint.frames for name in (*frame.origin, *frame.y_to)]  # medial, lateral, normal
     after = anatomy.landmarks[[anatomy.landmark_index(name) for name in names]]
     middle, goal = before.mean(axis=0), after.mean(axis=0)
     turn, spread = orthogonal_procrustes(after - goal, before - middle)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
-from adapt.model.variation import Motion, Points, cross_columns
+from adapt.model.variation import Motion, Points
 
 
 def landmark_mean(anatomy: Anatomy, p: Points, names: tuple[str, ...]) -> tuple[Floats, Floats]:
@@ -22,28 +22,20 @@ def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
     origin, d_origin = landmark_mean(anatomy, p, frame.origin)
     u, du = _difference(anatomy, p, frame.y_from, frame.y_to)
     w, dw = _difference(anatomy, p, frame.z_from, frame.z_to)
-    rotation, d_rotation = rotations_from_directions(u, du, w, dw)
-    return Motion(rotation, origin, d_rotation, d_origin)
-
-
-def rotations_from_directions(u: Floats, du: Floats, w: Floats, dw: Floats) -> tuple[Floats, Floats]:
-    """The rotation (..., 3, 3) of a frame, or of several, from u and w (..., 3), and its derivative (..., 3, n)."""
     y, dy = unit(u, du)
-    along = np.sum(w * y, axis=-1, keepdims=True)
-    across = w - along * y
-    length = np.linalg.norm(across, axis=-1, keepdims=True)
-    z = across / length
+    across = w - (w @ y) * y
+    z = across / np.linalg.norm(across)
     x = np.cross(y, z)
-    about_y = (x[..., None, :] @ (dw - along[..., None] * dy)) / length[..., None]
-    return np.stack([x, y, z], axis=-1), cross_columns(y[..., None], dy) + y[..., None] * about_y
+    about_y = (x @ dw - (w @ y) * (x @ dy)) / np.linalg.norm(across)
+    d_rotation = np.cross(y, dy, axisb=0, axisc=0) + np.outer(y, about_y)
+    return Motion(np.column_stack([x, y, z]), origin, d_rotation, d_origin)
 
 
 def unit(u: Floats, du: Floats) -> tuple[Floats, Floats]:
-    """u / |u| (..., 3) and its derivative (..., 3, n)."""
-    length = np.linalg.norm(u, axis=-1, keepdims=True)
+    """u / |u| (3,) and its derivative (3, n)."""
+    length = np.linalg.norm(u)
     direction = u / length
-    along = direction[..., None, :] @ du
-    return direction, (du - direction[..., None] * along) / length[..., None]
+    return direction, (du - np.outer(direction, direction @ du)) / length
 
 
 def _difference(anatomy: Anatomy, p: Points, start: tuple[str, ...], end: tuple[str, ...]) -> tuple[Floats, Floats]:

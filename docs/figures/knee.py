@@ -174,7 +174,7 @@ def bent_bones(model: Anatomy, angle: float) -> list[Layer]:
 
 def control_points(model: Anatomy, panel: Panel) -> Floats:
     """The control landmarks on the joint's surface: a medial and a lateral one a knot."""
-    names = [name for frame in model.joint(panel.joint).frames for name in (*frame.z_from, *frame.z_to)]
+    names = [name for frame in model.joint(panel.joint).frames for name in frame.origin]
     return model.landmarks[[model.landmark_index(name) for name in names]]
 
 

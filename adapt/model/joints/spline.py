@@ -21,10 +21,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
-from adapt.model.frames import rotations_from_directions
 from adapt.model.variation import Motion, Points, compose, identity_motion, invert
 from capture.errors import AnatomyError
-from capture.rigid import exp_so3, left_jacobian_so3, log_so3
+from capture.rigid import exp_so3, hat, left_jacobian_so3, log_so3
 
 _WIDEST = np.deg2rad(170.0)  # a turn from the first frame must stay clear of half a turn, where r_i jumps
 
@@ -86,13 +85,32 @@ def _controls(prepared: _Prepared, landmarks: Floats, d: Floats) -> _Controls:
     """Control values from the landmarks (U, 3) that the joint uses, which vary as ``d`` (U, 3, n) says."""
     o, y_from, y_to, z_from, z_to = prepared.means @ landmarks
     do, dy_from, dy_to, dz_from, dz_to = np.tensordot(prepared.means, d, axes=1)
-    rotation, d_rotation = rotations_from_directions(y_to - y_from, dy_to - dy_from, z_to - z_from, dz_to - dz_from)
+    rotation, d_rotation = _rotations(y_to - y_from, dy_to - dy_from, z_to - z_from, dz_to - dz_from)
     turn = rotation @ rotation[0].T
     r = log_so3(turn)
     dr = np.linalg.solve(left_jacobian_so3(r), d_rotation - turn @ d_rotation[0])
     flat = len(r), -1
     still = _Controls(r, dr.reshape(flat), o, do.reshape(flat), identity_motion(d.shape[-1]))
     return replace(still, to_rest=invert(_along(prepared.basis, still, prepared.rest, None)))
+
+
+def _rotations(u: Floats, du: Floats, w: Floats, dw: Floats) -> tuple[Floats, Floats]:
+    """What ``frame_from_landmarks`` does with one u and w, for K at once: R (K, 3, 3), and its derivative (K, 3, n)."""
+    y, dy = _units(u, du)
+    along = np.sum(w * y, axis=1, keepdims=True)
+    across = w - along * y
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    z = across / length
+    x = np.cross(y, z)
+    about_y = (x[:, None, :] @ (dw - along[:, :, None] * dy)) / length[:, :, None]
+    return np.stack([x, y, z], axis=-1), hat(y) @ dy + y[:, :, None] * about_y
+
+
+def _units(u: Floats, du: Floats) -> tuple[Floats, Floats]:
+    """u / |u| (K, 3) and its derivative (K, 3, n)."""
+    length = np.linalg.norm(u, axis=1, keepdims=True)
+    direction = u / length
+    return direction, (du - direction[:, :, None] * (direction[:, None, :] @ du)) / length[:, :, None]
 
 
 @lru_cache(maxsize=32)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import unit
 from adapt.model.variation import Motion, Points, compose
-from capture.rigid import exp_so3, hat, left_jacobian_so3
+from capture.rigid import hat
 
 
 def turning_motion(anatomy: Anatomy, joint: Joint, angles: Floats, p: Points, columns: list[int]) -> Motion:
@@ -24,8 +26,10 @@ def _turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, colu
     first, second = (anatomy.landmark_index(name) for name in axis)
     f, df = p.value[first], p.d[first]
     direction, d_direction = unit(p.value[second] - f, p.d[second] - df)
-    rotation = exp_so3(angle * direction)
-    d_rotation = left_jacobian_so3(angle * direction) @ (angle * d_direction)
+    k, sine, versine = hat(direction), np.sin(angle), 1.0 - np.cos(angle)
+    rotation = np.eye(3) + sine * k + versine * (k @ k)
+    # The left Jacobian of angle * direction, for a change of the direction, which stays square to it.
+    d_rotation = sine * d_direction + versine * (k @ d_direction)
     d_rotation[:, column] += direction
     turned = rotation @ f
     d_translation = df - rotation @ df + hat(turned) @ d_rotation
