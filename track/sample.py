@@ -1,4 +1,4 @@
-"""Make the sample recording that ships in ``recordings/``: a random body that bends and twists its arm.
+"""Make the sample recording that ships in ``recordings/``: a random body that performs made-up motions.
 
 python -m track.sample --out recordings/upper-limb-right-sample
 """
@@ -19,11 +19,12 @@ _FPS = 20.0
 
 @click.command()
 @click.option("--anatomy", default="upper-limb-right", show_default=True)
+@click.option("--motion", "motions", multiple=True, default=("twist", "bend-and-twist"), show_default=True)
 @click.option("--out", required=True, type=click.Path(path_type=Path))
-def main(anatomy: str, out: Path) -> None:
+def main(anatomy: str, motions: tuple[str, ...], out: Path) -> None:
     """Simulate the sample recording."""
     body = random_body(load_anatomy(anatomy), _SEED)
-    performance = perform(body, ("twist", "bend-and-twist"), seconds_each=2.0, fps=_FPS, seed=_SEED)
+    performance = perform(body, motions, seconds_each=2.0, fps=_FPS, seed=_SEED)
     simulate_performance(performance, out, seed=_SEED, overwrite=True)
 
 

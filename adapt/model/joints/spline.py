@@ -113,14 +113,14 @@ def _units(u: Floats, du: Floats) -> tuple[Floats, Floats]:
     return direction, (du - direction[:, :, None] * (direction[:, None, :] @ du)) / length[:, :, None]
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)
 def _controls_of_still_landmarks(anatomy: Anatomy, joint: Joint, landmarks: bytes, n: int) -> _Controls:
     """Control values that vary with none of n parameters; the landmarks (U, 3) are given as their bytes."""
     points = np.frombuffer(landmarks).reshape(-1, 3)
     return _controls(_prepare(anatomy, joint), points, np.zeros((*points.shape, n)))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)
 def _prepare(anatomy: Anatomy, joint: Joint) -> _Prepared:
     roles = [
         [getattr(frame, role) for frame in joint.frames] for role in ("origin", "y_from", "y_to", "z_from", "z_to")
