@@ -3,8 +3,9 @@
     python docs/figures/knee.py --out docs/images
 
 Prints the largest differences and how near the control landmarks lie to the femur, and writes ``knee.png`` and
-``knee-bones.png``. With ``--anatomy NAME`` joints and bones are a template's; without, the joints are calibrated here,
-at the tables' size, on the source's bones (which needs the ``build`` extra).
+``knee-bones.png``. With ``--anatomy NAME`` joints and bones are a template's, and bodies of other proportions are
+compared, too; without, the joints are calibrated here, at the tables' size, on the source's bones (which needs the
+``build`` extra).
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from pathlib import Path
 
 import click
 import numpy as np
+from bones import FIGURE_7
 from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Bone, Coordinate, Frame, load_anatomy
 from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint
-from adapt.build.joint_accuracy import Comparison, compare_with_table
+from adapt.build.joint_accuracy import Comparison, compare_with_table, rest_from_table
 from adapt.build.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
 from adapt.build.sources_myosim import SourceBody
 from adapt.model.joints import joint_motion
@@ -192,6 +194,42 @@ def picture_bones(model: Anatomy, path: Path) -> None:
     save_png(np.concatenate(views, axis=1), path)
 
 
+def bodies(model: Anatomy) -> dict[str, Anatomy]:
+    """The template and, where it has handles, its landmarks in bodies of other proportions."""
+    if not model.handles:
+        return {model.name: model}
+    others = {kind.name: replace(model, landmarks=kind.body(model).p.value) for kind in FIGURE_7}
+    return {model.name: model} | others
+
+
+def angles_of(panel: Panel) -> Floats:
+    """Flexions (T,) in rad from 0 to 120 degrees: every quarter of a degree and the table's knots."""
+    return np.union1d(np.linspace(0.0, panel.table.knots[-1], 481), panel.table.knots)
+
+
+def difference_table(model: Anatomy) -> Table:
+    """Largest differences to the tables over flexion, each body at its own size."""
+    shown = Table("joint", "body", "size", "origin (mm)", "turn (degrees)", title="Largest difference to the table")
+    for panel in PANELS:
+        for name, body in bodies(model).items():
+            joint = body.joint(panel.joint)
+            size = rest_from_table(body, joint, panel.table, panel.guides).scale
+            compared = compare_with_table(body, joint, panel.table, panel.guides, angles_of(panel))
+            worst = 1e3 * compared.distance.max(), np.rad2deg(compared.turn.max())
+            shown.add_row(panel.joint, name, f"{size:.3f}", *(f"{value:.3f}" for value in worst))
+    return shown
+
+
+def distance_table(model: Anatomy) -> Table:
+    """How far from the femur's surface the control landmarks lie, at most."""
+    shown = Table("joint", "medial points (mm)", "lateral points (mm)", title="Largest distance to the femur")
+    for panel in PANELS:
+        femur = model.bone(str(model.joint(panel.joint).parent))
+        off = 1e3 * distance_to_mesh(control_points(model, panel), femur.vertices, femur.faces)
+        shown.add_row(panel.joint, *(f"{value:.1f}" for value in off.reshape(-1, 2).max(axis=0)))
+    return shown
+
+
 @click.command()
 @click.option("--anatomy", default=None, help="A template; by default the calibrated joints alone.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("docs/images"))
@@ -199,23 +237,14 @@ def main(anatomy: str | None, out: Path) -> None:
     """Compare, print and draw."""
     model = calibrated() if anatomy is None else load_anatomy(anatomy)
     out.mkdir(parents=True, exist_ok=True)
-    shown = Table(title=f"{model.name}: largest difference to the table, 0 to 120 degrees")
-    for column in ("joint", "origin (mm)", "turn (degrees)", "medial points to femur (mm)", "lateral (mm)"):
-        shown.add_column(column)
-    found = {}
-    for panel in PANELS:
-        angles = np.union1d(np.linspace(0.0, panel.table.knots[-1], 481), panel.table.knots)
-        compared = compare_with_table(model, model.joint(panel.joint), panel.table, panel.guides, angles)
-        found[panel.joint] = compared
-        femur = model.bone(str(model.joint(panel.joint).parent))
-        off = 1e3 * distance_to_mesh(control_points(model, panel), femur.vertices, femur.faces).reshape(-1, 2).max(
-            axis=0
-        )
-        worst = 1e3 * compared.distance.max(), np.rad2deg(compared.turn.max())
-        shown.add_row(panel.joint, *(f"{value:.3f}" for value in worst), *(f"{value:.1f}" for value in off))
+    found = {
+        panel.joint: compare_with_table(model, model.joint(panel.joint), panel.table, panel.guides, angles_of(panel))
+        for panel in PANELS
+    }
     draw(found, out / "knee.png")
     picture_bones(model, out / "knee-bones.png")
-    stdout.print(shown)
+    stdout.print(difference_table(model))
+    stdout.print(distance_table(model))
 
 
 if __name__ == "__main__":
