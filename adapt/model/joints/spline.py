@@ -14,14 +14,14 @@ gives the mirrored motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
-from adapt.model.variation import Motion, Points, compose, identity_motion, invert
+from adapt.model.variation import Motion, Points, compose, invert
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, hat, left_jacobian_so3, log_so3
 
@@ -40,13 +40,12 @@ class _Prepared:
 
 @dataclass(frozen=True, eq=False)
 class _Controls:
-    """What does not change with the pose: r_i (rad) and o_i (m), their derivatives, and G(q_rest)^-1."""
+    """Control values r_i (rad) and o_i (m) at K knots with their derivatives by n parameters."""
 
     r: Floats  # (K, 3)
     dr: Floats  # (K, 3n)
     o: Floats  # (K, 3)
     do: Floats  # (K, 3n)
-    to_rest: Motion
 
 
 def spline_motion(anatomy: Anatomy, joint: Joint, q: float, p: Points, column: int) -> Motion:
@@ -58,10 +57,10 @@ def spline_motion(anatomy: Anatomy, joint: Joint, q: float, p: Points, column: i
     prepared = _prepare(anatomy, joint)
     value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
     if d.any():
-        controls = _controls(prepared, value, d)
+        controls, to_rest = _controls_and_rest(prepared, value, d)
     else:  # pose after pose of one body
-        controls = _controls_of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
-    return compose(_along(prepared.basis, controls, q, column), controls.to_rest)
+        controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
+    return compose(_along(prepared.basis, controls, q, column), to_rest)
 
 
 def _along(basis: CubicSpline, controls: _Controls, q: float, column: int | None) -> Motion:
@@ -89,9 +88,13 @@ def _controls(prepared: _Prepared, landmarks: Floats, d: Floats) -> _Controls:
     turn = rotation @ rotation[0].T
     r = log_so3(turn)
     dr = np.linalg.solve(left_jacobian_so3(r), d_rotation - turn @ d_rotation[0])
-    flat = len(r), -1
-    still = _Controls(r, dr.reshape(flat), o, do.reshape(flat), identity_motion(d.shape[-1]))
-    return replace(still, to_rest=invert(_along(prepared.basis, still, prepared.rest, None)))
+    return _Controls(r, dr.reshape(len(r), -1), o, do.reshape(len(r), -1))
+
+
+def _controls_and_rest(prepared: _Prepared, landmarks: Floats, d: Floats) -> tuple[_Controls, Motion]:
+    """What does not change with the pose: the control values, and G(q_rest)^-1."""
+    controls = _controls(prepared, landmarks, d)
+    return controls, invert(_along(prepared.basis, controls, prepared.rest, None))
 
 
 def _rotations(u: Floats, du: Floats, w: Floats, dw: Floats) -> tuple[Floats, Floats]:
@@ -114,10 +117,10 @@ def _units(u: Floats, du: Floats) -> tuple[Floats, Floats]:
 
 
 @lru_cache(maxsize=8)
-def _controls_of_still_landmarks(anatomy: Anatomy, joint: Joint, landmarks: bytes, n: int) -> _Controls:
-    """Control values that vary with none of n parameters; the landmarks (U, 3) are given as their bytes."""
+def _of_still_landmarks(anatomy: Anatomy, joint: Joint, landmarks: bytes, n: int) -> tuple[_Controls, Motion]:
+    """The same for landmarks (U, 3), given as their bytes, that vary with none of n parameters."""
     points = np.frombuffer(landmarks).reshape(-1, 3)
-    return _controls(_prepare(anatomy, joint), points, np.zeros((*points.shape, n)))
+    return _controls_and_rest(_prepare(anatomy, joint), points, np.zeros((*points.shape, n)))
 
 
 @lru_cache(maxsize=8)
