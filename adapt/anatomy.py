@@ -224,16 +224,21 @@ def save_anatomy(anatomy: Anatomy, path: Path) -> None:
         "landmark_names": list(anatomy.landmark_names),
         "tetrahedra": list(anatomy.tetrahedra),
     }
+    with replaced_when_complete(path) as partial:
+        narrow = {key: _narrow(array) for key, array in anatomy_arrays(anatomy).items()}
+        narrow["description"] = np.array(json.dumps(description))
+        np.savez_compressed(partial, allow_pickle=False, **narrow)
+
+
+def anatomy_arrays(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
+    """Every array of an anatomy, by the name that it has in a file."""
     arrays: dict[str, NDArray[Any]] = {name: getattr(anatomy, name) for name in _ARRAYS}
     for bone in anatomy.bones:
         for part in _BONE_ARRAYS:
             arrays[f"bone/{bone.name}/{part}"] = getattr(bone, part)
     for name, (points, tets) in anatomy.tetrahedra.items():
         arrays[f"tetrahedra/{name}/points"], arrays[f"tetrahedra/{name}/tets"] = points, tets
-    with replaced_when_complete(path) as partial:
-        narrow = {key: _narrow(array) for key, array in arrays.items()}
-        narrow["description"] = np.array(json.dumps(description))
-        np.savez_compressed(partial, allow_pickle=False, **narrow)
+    return arrays
 
 
 def load_anatomy(name_or_path: str | Path) -> Anatomy:

@@ -34,11 +34,10 @@ def adapt_command(
     first_poses: Path | None,
     region: tuple[float, ...] | None,
 ) -> None:
-    """Adapt an anatomy to the person in RECORDING."""
+    """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
     from adapt.anatomy import load_anatomy
     from adapt.fit.first_poses import read_first_poses
-    from adapt.fit.recording import adapt_recording
-    from adapt.subject import save_subject
+    from adapt.run import adapt_into
     from capture.commands import as_region
     from capture.recording import open_recording
 
@@ -47,7 +46,8 @@ def adapt_command(
     chosen = _frame_numbers(frames)
     given = read_first_poses(first_poses, template) if first_poses else None
     with stdout.status("adapting") as status:
-        subject = adapt_recording(
+        subject = adapt_into(
+            out,
             opened,
             template,
             poses=poses,
@@ -56,7 +56,6 @@ def adapt_command(
             region=as_region(region),
             progress=status.update,
         )
-    save_subject(subject, out)
     print_subject(subject.report, out)
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from adapt.anatomy import load_anatomy
 from adapt.commands import print_subject
-from adapt.fit.recording import adapt_recording
-from adapt.subject import Subject, save_subject
+from adapt.run import adapt_into
+from adapt.subject import Subject
 from capture.calibrate import calibrate_recording, write_calibration
 from capture.console import stdout
 from capture.errors import RecordingError
@@ -42,8 +42,7 @@ def run_demo(out: Path) -> None:
         write_calibration(recording, calibrate_recording(recording))
         recording = open_recording(recording.path)
     with _step("adapting the anatomy") as note:
-        subject = adapt_recording(recording, load_anatomy(ANATOMY), progress=note)
-        save_subject(subject, out / "subject.npz")
+        subject = adapt_into(out / "subject.npz", recording, load_anatomy(ANATOMY), progress=note)
     print_subject(subject.report, out / "subject.npz")
     with _step("tracking") as note:
         motion = track_recording(

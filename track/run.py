@@ -6,9 +6,8 @@ last line, and goes on from there; the final files replace it at the end.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,8 @@ from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.subject import Subject
 from capture.errors import CloudError
-from capture.files import replaced_when_complete
 from capture.fuse import Region, fuse, region_of_interest
+from capture.journal import journal_key, resume_journal
 from capture.recording import Instant, Recording, instants
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
@@ -58,19 +57,19 @@ def track_recording(
     moments = instants(recording)
     _make_folder(out)
     region = region or region_of_interest(recording)
-    key = _key(recording, subject, region)
-    frames, state = _resume(out / JOURNAL, key)
+    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance)
+    journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum))
+    frames = [_frame(entry) for entry in journal.entries]
+    state = _state(journal.entries[-1]["state"]) if journal.entries else None
     tracker = make_tracker(subject)
-    with (out / JOURNAL).open("a", encoding="utf-8") as journal:
-        for number in range(len(frames), len(moments)):
-            frame, state = _track_one(recording, tracker, moments[number], state, region)
-            frames.append(frame)
-            journal.write(_line(frame, state) + "\n")
-            journal.flush()
-            progress(number + 1, len(moments))
+    for number in range(len(frames), len(moments)):
+        frame, state = _track_one(recording, tracker, moments[number], state, region)
+        frames.append(frame)
+        journal.append({**asdict(frame), "state": None if state is None else asdict(state)})
+        progress(number + 1, len(moments))
     motion = _motion(subject, frames)
     write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
-    (out / JOURNAL).unlink()
+    journal.remove()
     return motion
 
 
@@ -135,57 +134,6 @@ def _make_folder(out: Path) -> None:
 _OWN = {JOURNAL, "motion.npz", "angles.mot", "centres.trc", "quality.csv"}
 
 
-def _key(recording: Recording, subject: Subject, region: Region) -> str:
-    """What a journal must have been made from to be continued."""
-    digest = hashlib.sha256()
-    for sensor in recording.sensors:
-        digest.update(f"{sensor.name} {sensor.camera} {sensor.depth_unit_m} {sensor.depth_range_m}".encode())
-        for frame in sensor.frames:
-            written = frame.path.stat()
-            digest.update(f"{frame.path.name} {frame.time_s} {written.st_size} {written.st_mtime_ns}".encode())
-    if recording.calibration is not None:
-        for name, calibration in recording.calibration.sensors.items():
-            digest.update(name.encode() + np.ascontiguousarray(calibration.world_from_sensor).tobytes())
-    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance)
-    for array in (*person, region.minimum, region.maximum):
-        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
-    return digest.hexdigest()
-
-
-def _line(frame: TrackedFrame, state: TrackerState | None) -> str:
-    return json.dumps(
-        {
-            "time_s": frame.time_s,
-            "theta": frame.theta.tolist(),
-            "covariance": frame.covariance.tolist(),
-            "residual_m": frame.residual_m,
-            "coverage": frame.coverage,
-            "matches": frame.matches,
-            "lost": frame.lost,
-            "state": None if state is None else _state_entry(state),
-        }
-    )
-
-
-def _resume(path: Path, key: str) -> tuple[list[TrackedFrame], TrackerState | None]:
-    """Frames and state of a journal made from the same things; an empty journal with that key otherwise."""
-    frames: list[TrackedFrame] = []
-    state: TrackerState | None = None
-    lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
-    if lines and lines[0] == key:
-        for line in lines[1:-1]:  # what follows the last newline was cut short
-            try:
-                entry = json.loads(line)
-            except ValueError:  # damaged: it and what follows is tracked again
-                break
-            frames.append(_frame(entry))
-            state = _state(entry["state"])
-    kept = [key, *lines[1 : 1 + len(frames)]]
-    with replaced_when_complete(path) as partial:
-        partial.write_text("\n".join(kept) + "\n", encoding="utf-8")
-    return frames, state
-
-
 def _frame(entry: dict[str, Any]) -> TrackedFrame:
     return TrackedFrame(
         time_s=entry["time_s"],
@@ -196,15 +144,6 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
         matches=entry["matches"],
         lost=entry["lost"],
     )
-
-
-def _state_entry(state: TrackerState) -> dict[str, Any]:
-    return {
-        "time_s": state.time_s,
-        "theta": state.theta.tolist(),
-        "velocity": state.velocity.tolist(),
-        "searched_s": state.searched_s,
-    }
 
 
 def _state(entry: dict[str, Any] | None) -> TrackerState | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import Adaptation, Progress, adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
+from adapt.fit.found import FoundPoses
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
@@ -23,6 +25,7 @@ from adapt.model.body import Body, make_body
 from adapt.subject import Subject
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.fuse import Region, fuse
+from capture.journal import Journal
 from capture.recording import Instant, Recording, instants
 
 FEWEST_POSES = 4
@@ -50,6 +53,7 @@ def adapt_recording(
     frames: Sequence[int] | None = None,
     first_poses: Mapping[int, Floats] | None = None,
     region: Region | None = None,
+    journal: Journal | None = None,
     progress: Progress = lambda _: None,
 ) -> Subject:
     """Adapt an anatomy to the person in a recording.
@@ -61,6 +65,7 @@ def adapt_recording(
         frames: indices of instants to adapt to, instead of the automatic choice.
         first_poses: theta (n,) by index of instant, instead of the automatic search.
         region: where the limb is, instead of the automatic region of interest.
+        journal: what an earlier run with the same arguments found, and where what is found is written.
         progress: told in words what is being done.
 
     Raises:
@@ -71,7 +76,7 @@ def adapt_recording(
     wanted = _wanted(recording, moments, poses, frames)
     body = make_body(anatomy)
     known = dict(first_poses or {})
-    candidates = _pose_candidates(recording, body, moments, wanted, known, region, progress)
+    candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
     sample = sample_skin(anatomy, at_most=2000)
     usable = _plausible(candidates)
     if len(usable) < min(poses, len(wanted)) or len(usable) < FEWEST_POSES:
@@ -166,6 +171,7 @@ def _pose_candidates(
     wanted: list[int],
     first_poses: Mapping[int, Floats],
     region: Region | None,
+    found: FoundPoses,
     progress: Progress,
 ) -> list[_Candidate]:
     """A first pose for every wanted instant that shows the limb.
@@ -181,14 +187,16 @@ def _pose_candidates(
         except CloudError as error:
             problem = error
     posed: dict[int, ScoredPose] = {}
-    for number, k in enumerate(_outwards(list(targets), body, targets, sample, first_poses, posed, progress)):
+    for number, k in enumerate(_outwards(list(targets), body, targets, sample, first_poses, posed, found, progress)):
         progress(f"first pose {number + 1} of {len(targets)}")
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
+        starts = [start for other in near for start in variations(body.anatomy, posed[other].fit.theta)]
+        if k in first_poses:
+            search = partial(_given, body, targets[k], sample, first_poses[k])
+        else:
+            search = partial(locate, body, targets[k], sample, starts, good_m=_worst_of(posed))
         try:
-            starts = [start for other in near for start in variations(body.anatomy, posed[other].fit.theta)]
-            posed[k] = _given(body, targets[k], sample, first_poses.get(k)) or locate(
-                body, targets[k], sample, starts, good_m=_worst_of(posed)
-            )
+            posed[k] = found.find(f"first pose of frame {k}", search)
         except FitError as error:
             problem = error
     if not posed and problem is not None:
@@ -203,6 +211,7 @@ def _outwards(
     sample: SkinSample,
     first_poses: Mapping[int, Floats],
     posed: dict[int, ScoredPose],
+    found: FoundPoses,
     progress: Progress,
 ) -> list[int]:
     """Search a few frames, put the best one's pose into ``posed``; the other frames, nearest to it first."""
@@ -211,7 +220,7 @@ def _outwards(
     for number, k in enumerate(frames[:: max(1, len(frames) // _SEARCHED)][:_SEARCHED]):
         progress(f"searching the limb in frame {number + 1} of {_SEARCHED}")
         try:
-            posed[k] = locate(body, targets[k], sample, [])
+            posed[k] = found.find(f"limb in frame {k}", partial(locate, body, targets[k], sample, []))
         except FitError:
             continue
     if not posed:
@@ -227,8 +236,8 @@ def _worst_of(posed: Mapping[int, ScoredPose]) -> float:
     return _CLEARLY * float(np.median([pose.skin_m for pose in posed.values()])) if posed else 0.0
 
 
-def _given(body: Body, target: Target, sample: SkinSample, theta: Floats | None) -> ScoredPose | None:
-    return None if theta is None else score_pose(body, target, fit_pose(body, target, theta, sample), sample)
+def _given(body: Body, target: Target, sample: SkinSample, theta: Floats) -> ScoredPose:
+    return score_pose(body, target, fit_pose(body, target, theta, sample), sample)
 
 
 def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:

@@ -1,0 +1,83 @@
+"""Journals of long work: each finished piece is a line of a file, so that the same command goes on after a kill.
+
+The first line is a key: what the work is made from. A journal with another key is begun anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.files import replaced_when_complete
+from capture.recording import Recording
+
+
+@dataclass(frozen=True)
+class Journal:
+    """A file that finished pieces (plain JSON, arrays as lists) are added to; ``entries`` are those of earlier runs."""
+
+    path: Path
+    entries: tuple[Any, ...] = field(repr=False)
+
+    def append(self, entry: Any) -> None:
+        """Add a finished piece. Numbers come back as they were, to the last bit."""
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(entry, default=_plain) + "\n")
+
+    def remove(self) -> None:
+        """Take the file away: the work is done, or its failure is known."""
+        self.path.unlink(missing_ok=True)
+
+
+def resume_journal(path: Path, key: str) -> Journal:
+    """The journal at ``path``; an empty one if there is none with that key.
+
+    A last line that was cut short is dropped; a damaged line is dropped with all that follows.
+    """
+    lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
+    entries = []
+    if lines and lines[0] == key:
+        for line in lines[1:-1]:  # what follows the last newline was cut short
+            try:
+                entries.append(json.loads(line))
+            except ValueError:
+                break
+    with replaced_when_complete(path) as partial:
+        partial.write_text("\n".join([key, *lines[1 : 1 + len(entries)]]) + "\n", encoding="utf-8")
+    return Journal(path, tuple(entries))
+
+
+def journal_key(recording: Recording, *inputs: NDArray[Any] | str) -> str:
+    """What a journal must have been made from to be continued: the software, the recording, and other inputs."""
+    digest = hashlib.sha256(_software().encode())
+    for sensor in recording.sensors:
+        digest.update(f"{sensor.name} {sensor.camera} {sensor.depth_unit_m} {sensor.depth_range_m}".encode())
+        for frame in sensor.frames:
+            written = frame.path.stat()
+            digest.update(f"{frame.path.name} {frame.time_s} {written.st_size} {written.st_mtime_ns}".encode())
+    if recording.calibration is not None:
+        for name, calibration in recording.calibration.sensors.items():
+            digest.update(name.encode() + np.ascontiguousarray(calibration.world_from_sensor).tobytes())
+    for item in inputs:
+        data = item.encode() if isinstance(item, str) else np.ascontiguousarray(item).tobytes()
+        digest.update(f"{len(data)} ".encode() + data)
+    return digest.hexdigest()
+
+
+def _software() -> str:
+    try:
+        return f"bonetrack {metadata.version('bonetrack')}"
+    except metadata.PackageNotFoundError:  # run from a checkout
+        return "bonetrack"
+
+
+def _plain(value: Any) -> Any:
+    """Numpy's arrays and numbers as Python's."""
+    return value.tolist()

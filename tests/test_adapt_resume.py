@@ -1,0 +1,128 @@
+"""An adaptation that was cut short goes on where it stopped, to the same subject, and leaves nothing behind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+import adapt.fit.recording as fitting
+from adapt.fit.found import FoundPoses
+from adapt.fit.start import try_pose
+from adapt.run import adapt_into, journal_path
+from adapt.subject import load_subject
+from capture.errors import FitError
+from capture.fuse import Region
+from capture.journal import resume_journal
+
+FRAMES = (0, 3, 6, 9)
+
+
+class Stopped(Exception):
+    pass
+
+
+@pytest.fixture
+def searched(limb, monkeypatch):
+    """The frames that were searched for the limb; the search itself is replaced by a fit near the truth."""
+    calls = []
+
+    def locate(body, target, sample, starts, *, good_m=0.0):
+        frame = next(k for k, other in enumerate(limb.targets) if same_cloud(other, target))
+        calls.append(frame)
+        pose = try_pose(body, target, sample, limb.thetas[frame] + 0.02)
+        assert pose is not None
+        return pose
+
+    monkeypatch.setattr(fitting, "locate", locate)
+    monkeypatch.setattr(fitting, "adapt_body", partial(fitting.adapt_body, outer_rounds=1, optimise_skin=False))
+    return calls
+
+
+def same_cloud(one, other):
+    return np.array_equal(one.cloud.points, other.cloud.points)
+
+
+def stop_at(text):
+    def progress(said):
+        if said == text:
+            raise Stopped
+
+    return progress
+
+
+def adapted(limb, out, **options):
+    return adapt_into(out, limb.recording, limb.subject.anatomy, **{"frames": FRAMES, "poses": 4} | options)
+
+
+def test_an_adaptation_that_was_cut_short_does_not_search_again(limb, tmp_path, searched):
+    whole = adapted(limb, tmp_path / "whole.npz")
+    order = searched.copy()
+    assert len(order) > len(FRAMES)  # some frames are searched before the poses are carried on
+    searched.clear()
+    for stop in ("searching the limb in frame 2 of 2", "first pose 2 of 4", "first pose 3 of 4"):
+        with pytest.raises(Stopped):
+            adapted(limb, tmp_path / "again.npz", progress=stop_at(stop))
+        assert {path.name for path in tmp_path.iterdir()} == {"whole.npz", journal_path(tmp_path / "again.npz").name}
+    again = adapted(limb, tmp_path / "again.npz")
+    assert searched == order
+    assert {path.name for path in tmp_path.iterdir()} == {"whole.npz", "again.npz"}
+    for subject in (again, load_subject(tmp_path / "again.npz")):
+        np.testing.assert_array_equal(subject.body.shape, whole.body.shape)
+        np.testing.assert_array_equal(subject.thetas, whole.thetas)
+    np.testing.assert_array_equal(again.body.v_hat, whole.body.v_hat)
+    np.testing.assert_array_equal(again.covariance, whole.covariance)
+    assert again.report == whole.report
+
+
+@pytest.mark.parametrize("what", ["anatomy", "options", "first poses", "region", "recording"])
+def test_what_was_found_with_other_inputs_is_not_used(limb, tmp_path, searched, what):
+    out, recording, anatomy = tmp_path / "subject.npz", limb.recording, limb.subject.anatomy
+    with pytest.raises(Stopped):
+        adapted(limb, out, progress=stop_at("first pose 3 of 4"))
+    options = {"frames": FRAMES, "poses": 4}
+    if what == "anatomy":
+        anatomy = replace(anatomy, landmarks=anatomy.landmarks + 1e-6)
+    elif what == "options":
+        options["poses"] = 5
+    elif what == "first poses":
+        options["first_poses"] = {FRAMES[1]: limb.thetas[FRAMES[1]]}
+    elif what == "region":
+        options["region"] = Region(np.full(3, -9.0), np.full(3, 9.0))
+    else:
+        first, *others = recording.sensors
+        moved = replace(first, camera=replace(first.camera, fx=first.camera.fx + 0.1))
+        recording = replace(recording, sensors=(moved, *others))
+
+    def at_once(_):
+        raise Stopped
+
+    assert journal_path(out).read_text().count("\n") > 1
+    with pytest.raises(Stopped):
+        adapt_into(out, recording, anatomy, **options, progress=at_once)
+    assert journal_path(out).read_text().count("\n") == 1  # the key alone
+
+
+def test_a_search_that_found_nothing_is_not_done_again_either(tmp_path):
+    def nothing():
+        raise FitError("nothing there", where="here", remedy="look elsewhere")
+
+    def never():
+        raise AssertionError("searched again")
+
+    with pytest.raises(FitError):
+        FoundPoses(resume_journal(tmp_path / "journal", "key")).find("frame 1", nothing)
+    with pytest.raises(FitError, match="here: nothing there; look elsewhere"):
+        FoundPoses(resume_journal(tmp_path / "journal", "key")).find("frame 1", never)
+
+
+def test_an_adaptation_that_fails_leaves_nothing_behind(limb, tmp_path, monkeypatch):
+    def nothing(*_, **__):
+        raise FitError("nothing there")
+
+    monkeypatch.setattr(fitting, "locate", nothing)
+    with pytest.raises(FitError, match="nothing there"):
+        adapted(limb, tmp_path / "subject.npz")
+    assert not list(tmp_path.iterdir())
