@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import AnatomyError
-from capture.files import replaced_when_complete
+from capture.files import UNREADABLE, replaced_when_complete
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -259,7 +259,7 @@ def load_anatomy(name_or_path: str | Path) -> Anatomy:
             _check_format(description, path)
             arrays = {key: _widen(data[key]) for key in data.files if key != "description"}
         return _from_parts(description, arrays)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except UNREADABLE as error:
         raise AnatomyError("not an anatomy file", where=path, remedy="build or download it again") from error
 
 
@@ -275,9 +275,9 @@ _ARRAYS = (
 _BONE_ARRAYS = ("vertices", "faces", "handle_weights")
 
 
-def _check_format(description: dict[str, Any], path: Path) -> None:
-    if description.get("format") != FORMAT:
-        raise AnatomyError("not an anatomy file", where=path)
+def _check_format(description: Any, path: Path) -> None:
+    if not isinstance(description, dict) or description.get("format") != FORMAT:
+        raise AnatomyError("not an anatomy file", where=path, remedy="build or download it again")
     if description["version"] > VERSION:
         raise AnatomyError(
             f"format version {description['version']} is newer than {VERSION}", where=path, remedy="update bonetrack"

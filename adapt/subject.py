@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,22 +12,10 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, make_body
 from capture.errors import AnatomyError
-from capture.files import replaced_when_complete
+from capture.files import UNREADABLE, replaced_when_complete
 
 FORMAT = "bonetrack-subject"
 VERSION = 1
-
-UNREADABLE = (
-    OSError,
-    ValueError,
-    KeyError,
-    TypeError,
-    EOFError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What numpy raises for an ``.npz`` file that is cut short, damaged, or something else."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,25 @@
-"""Writing files so that a half-written one never stands under its final name."""
+"""Files that are whole: what reading one that is not raises, and writing so that none is ever half-written."""
 
 from __future__ import annotations
 
 import os
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What numpy raises for an ``.npz`` file that is cut short, damaged, or something else."""
 
 
 @contextmanager

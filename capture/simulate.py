@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from capture._open3d import open3d
 from capture.camera import Camera, project, ray_slopes
 from capture.errors import RecordingError
+from capture.files import UNREADABLE
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 from capture.rigid import Floats, apply, inverse, transform
 from capture.sensor import NoiseModel, carmine, carmine_camera, observe
@@ -382,7 +383,7 @@ def _read_mesh_file(path: Path) -> tuple[Floats, Ints, float]:
             arrays = {} if missing else {key: data[key] for key in ("vertices", "faces", "fps")}
     except FileNotFoundError as error:
         raise RecordingError("does not exist", where=path) from error
-    except (OSError, ValueError, TypeError) as error:
+    except UNREADABLE as error:
         raise RecordingError("is not an .npz file of plain arrays", where=path, remedy="use numpy.savez") from error
     if missing:
         raise RecordingError(

@@ -280,3 +280,31 @@ def test_wrong_names_and_files_are_told_with_what_would_be_right(anatomy: Anatom
         load_anatomy(tmp_path / "x.npz")
     with pytest.raises(AnatomyError, match="v_hat of toy"):
         make_body(anatomy, v_hat=np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 0.5, 0.9, 0.999])
+def test_a_truncated_anatomy_is_refused_in_one_line(anatomy: Anatomy, tmp_path, share: float) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "cut.npz"
+    save_anatomy(anatomy, path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(AnatomyError, match=r"cut\.npz: not an anatomy file") as caught:
+        load_anatomy(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["an array", "a list", "damaged"])
+def test_an_npz_of_something_else_is_no_anatomy(anatomy: Anatomy, tmp_path, kind: str) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "other.npz"
+    if kind == "an array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+    elif kind == "a list":
+        np.savez(path, description=np.array("[1, 2]"))
+    else:
+        save_anatomy(anatomy, path)
+        data = bytearray(path.read_bytes())
+        data[len(data) // 3 : len(data) // 3 + 200] = bytes(200)
+        path.write_bytes(data)
+    with pytest.raises(AnatomyError, match=r"other\.npz: not an anatomy file"):
+        load_anatomy(path)

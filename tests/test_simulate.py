@@ -224,6 +224,29 @@ def test_a_file_that_is_no_mesh_is_refused(tmp_path: Path) -> None:
         simulate_mesh_file(tmp_path / "none.npz", tmp_path / "rec")
 
 
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 0.5, 0.9, 0.999])
+def test_a_truncated_mesh_file_is_refused_in_one_line(tmp_path: Path, share: float) -> None:
+    frames, faces, _ = arm_motion(3)
+    mesh = tmp_path / "cut.npz"
+    np.savez_compressed(mesh, vertices=np.stack(frames), faces=faces, fps=30)
+    data = mesh.read_bytes()
+    mesh.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(RecordingError, match=r"cut\.npz: is not an \.npz file") as caught:
+        simulate_mesh_file(mesh, tmp_path / "rec")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_damaged_mesh_file_is_refused_in_one_line(tmp_path: Path) -> None:
+    frames, faces, _ = arm_motion(3)
+    mesh = tmp_path / "damaged.npz"
+    np.savez_compressed(mesh, vertices=np.stack(frames), faces=faces, fps=30)
+    data = bytearray(mesh.read_bytes())
+    data[len(data) // 3 : len(data) // 3 + 50] = bytes(50)
+    mesh.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"damaged\.npz: is not an \.npz file"):
+        simulate_mesh_file(mesh, tmp_path / "rec")
+
+
 def test_as_many_times_as_frames_are_needed(tmp_path: Path) -> None:
     frames, faces, times = arm_motion(3)
     for given in (times[:2], [*times, 1.0]):

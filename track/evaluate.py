@@ -7,6 +7,7 @@ sensors counts and the choice of common frame does not.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
-from adapt.subject import UNREADABLE, Subject
+from adapt.subject import Subject
+from capture.files import UNREADABLE, replaced_when_complete
 from capture.recording import Recording, world_from_sensor
 from capture.rigid import apply, inverse, log_so3, transform
 from track.motion import Motion, MotionError
@@ -207,9 +209,5 @@ def distance_to_mesh(points: Floats, vertices: Floats, faces: NDArray[np.int64])
 
 def write_evaluation(evaluation: Evaluation, path: Path) -> None:
     """Write the summary as JSON."""
-    import json
-
-    from capture.files import replaced_when_complete
-
     with replaced_when_complete(path) as partial:
         partial.write_text(json.dumps(evaluation.as_json(), indent=1) + "\n", encoding="utf-8")

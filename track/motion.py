@@ -14,9 +14,9 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import bone_transforms, joint_centres
-from adapt.subject import UNREADABLE, Subject
+from adapt.subject import Subject
 from capture.errors import BonetrackError
-from capture.files import replaced_when_complete
+from capture.files import UNREADABLE, replaced_when_complete
 
 FORMAT = "bonetrack-motion"
 VERSION = 1
