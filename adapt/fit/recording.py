@@ -5,7 +5,7 @@ Every automatic choice can be overridden: the frames to adapt to, and their firs
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -63,19 +63,19 @@ def adapt_recording(
         anatomy: the template limb.
         poses: how many example poses to choose (4 to 8).
         frames: indices of instants to adapt to, instead of the automatic choice.
-        first_poses: theta (n,) by index of instant, instead of the automatic search.
+        first_poses: theta (n,) by index of instant, instead of the automatic search; these instants are looked at.
         region: where the limb is, instead of the automatic region of interest.
         journal: what an earlier run with the same arguments found, and where what is found is written.
         progress: told in words what is being done.
 
     Raises:
-        FitError: fewer usable poses than asked for.
+        FitError: fewer usable poses than asked for, or there is no such frame.
         CloudError, RecordingError, CalibrationError: see ``fuse``.
     """
     moments = instants(recording)
-    wanted = _wanted(recording, moments, poses, frames)
-    body = make_body(anatomy)
     known = dict(first_poses or {})
+    wanted = _wanted(recording, moments, poses, frames, known)
+    body = make_body(anatomy)
     candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
     sample = sample_skin(anatomy, at_most=2000)
     usable = _plausible(candidates)
@@ -141,18 +141,23 @@ def _posed_again(body: Body, candidate: _Candidate, starts: list[_Candidate], sa
     return _Candidate(candidate.instant, candidate.target, min(found, key=lambda pose: pose.badness_m))
 
 
-def _wanted(recording: Recording, moments: list[Instant], poses: int, frames: Sequence[int] | None) -> list[int]:
-    """Indices of the instants to look at."""
+def _wanted(
+    recording: Recording, moments: list[Instant], poses: int, frames: Sequence[int] | None, given: Iterable[int]
+) -> list[int]:
+    """Indices of the instants to look at: the ``frames``, or some of all, and those whose first pose is ``given``."""
     if not FEWEST_POSES <= poses <= MOST_POSES:
         raise FitError(f"{poses} example poses asked for", remedy=f"choose {FEWEST_POSES} to {MOST_POSES}")
+    _refuse_strange_frames(recording, [*(frames or ()), *given], len(moments))
     if frames is not None:
-        missing = [k for k in frames if not 0 <= k < len(moments)]
-        if missing:
-            raise FitError(
-                f"no frame {missing[0]}", where=recording.path, remedy=f"frames run from 0 to {len(moments) - 1}"
-            )
         if len(set(frames)) < FEWEST_POSES:
             raise FitError(f"{len(set(frames))} poses given, at least {FEWEST_POSES} needed", where=recording.path)
+        unused = sorted(set(given) - set(frames))
+        if unused:
+            raise FitError(
+                f"frame {unused[0]} has a first pose, and is not among the frames to adapt to",
+                where=recording.path,
+                remedy="add it to them, or leave its first pose out",
+            )
         return sorted(set(frames))
     if len(moments) < poses:
         raise FitError(
@@ -161,7 +166,14 @@ def _wanted(recording: Recording, moments: list[Instant], poses: int, frames: Se
             remedy="record more poses or ask for fewer",
         )
     count = min(_CANDIDATES, len(moments))
-    return [int(k) for k in np.unique(np.linspace(0, len(moments) - 1, count).round())]
+    spread = np.linspace(0, len(moments) - 1, count).round()
+    return sorted({int(k) for k in spread} | set(given))
+
+
+def _refuse_strange_frames(recording: Recording, frames: Iterable[int], count: int) -> None:
+    missing = [k for k in frames if not 0 <= k < count]
+    if missing:
+        raise FitError(f"no frame {missing[0]}", where=recording.path, remedy=f"frames run from 0 to {count - 1}")
 
 
 def _pose_candidates(
