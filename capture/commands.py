@@ -13,6 +13,7 @@ from capture.errors import RecordingError
 
 if TYPE_CHECKING:
     from capture.camera import Camera
+    from capture.importers import Kind
     from capture.recording import Recording, Region
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -86,7 +87,7 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
 def import_command(
     source: Path,
     out: Path,
-    kind: str | None,
+    kind: Kind | None,
     pattern: str | None,
     width: int,
     height: int,
@@ -103,7 +104,7 @@ def import_command(
     """Make a recording of SOURCE: depth images of one sensor, a file or a folder of them."""
     from capture.camera import Camera
     from capture.depth_png import image_size
-    from capture.importers import import_png, import_raw, natural_order, source_files
+    from capture.importers import import_images, natural_order, source_files
 
     if kind is None:
         kind = "png" if source.suffix.lower() == ".png" or any(source.glob("*.png")) else "raw"
@@ -119,9 +120,15 @@ def import_command(
         cy=(height - 1) / 2.0 if cy is None else cy,
         distortion=_distortion(distortion),
     )
-    bring_in = import_png if kind == "png" else import_raw
-    recording = bring_in(
-        files, out, camera=camera, depth_unit_m=unit_mm / 1000.0, fps=fps, sensor_name=sensor, overwrite=overwrite
+    recording = import_images(
+        files,
+        out,
+        kind=kind,
+        camera=camera,
+        depth_unit_m=unit_mm / 1000.0,
+        fps=fps,
+        sensor_name=sensor,
+        overwrite=overwrite,
     )
     _print_imported(recording, camera, fps)
 

@@ -7,8 +7,9 @@ that nobody knows.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from capture import depth_png
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
+
+Kind = Literal["png", "raw"]
+"""What the files hold; see ``import_images``."""
 
 NOMINAL_FPS = 30.0
 """The rate assumed when nobody knows when the frames were taken (Hz)."""
@@ -27,38 +31,11 @@ DEPTH_RANGE_M = (0.2, 4.0)
 _BYTES_PER_READING = 2
 
 
-def import_png_folder(
-    folder: Path,
-    out: Path,
-    *,
-    camera: Camera,
-    depth_unit_m: float,
-    fps: float = NOMINAL_FPS,
-    sensor_name: str = "sensor",
-    depth_range_m: tuple[float, float] = DEPTH_RANGE_M,
-    overwrite: bool = False,
-) -> Recording:
-    """Make a one-sensor recording of a folder's PNG images, in the order of the numbers in their names.
-
-    Raises:
-        RecordingError: as ``import_png``.
-    """
-    return import_png(
-        natural_order(source_files(folder, "*.png")),
-        out,
-        camera=camera,
-        depth_unit_m=depth_unit_m,
-        fps=fps,
-        sensor_name=sensor_name,
-        depth_range_m=depth_range_m,
-        overwrite=overwrite,
-    )
-
-
-def import_png(
+def import_images(
     files: Sequence[Path],
     out: Path,
     *,
+    kind: Kind,
     camera: Camera,
     depth_unit_m: float,
     fps: float = NOMINAL_FPS,
@@ -66,35 +43,21 @@ def import_png(
     depth_range_m: tuple[float, float] = DEPTH_RANGE_M,
     overwrite: bool = False,
 ) -> Recording:
-    """Make a one-sensor recording of 16-bit PNG images, in the order given.
+    """Make a one-sensor recording of depth images, in the order given; frame k was taken at k / fps.
+
+    Of kind ``png``, a file is one 16-bit grey image; of kind ``raw``, one or more whole images, 16-bit little endian,
+    row by row.
 
     Raises:
-        RecordingError: an image that is not a whole 16-bit grey PNG of the camera's size, or ``out`` is in use.
+        RecordingError: a file that is not what its kind says, or not of the camera's size, or ``out`` is in use.
     """
     sensor = Sensor(sensor_name, camera, depth_unit_m, depth_range_m)
-    images = (depth_png.read_readings(file, width=camera.width, height=camera.height) for file in files)
-    return _write(images, out, sensor=sensor, fps=fps, source=files[0].parent, overwrite=overwrite)
-
-
-def import_raw(
-    files: Sequence[Path],
-    out: Path,
-    *,
-    camera: Camera,
-    depth_unit_m: float,
-    fps: float = NOMINAL_FPS,
-    sensor_name: str = "sensor",
-    depth_range_m: tuple[float, float] = DEPTH_RANGE_M,
-    overwrite: bool = False,
-) -> Recording:
-    """Make a one-sensor recording of raw dumps: files of one or more whole images, 16-bit little endian, row by row.
-
-    Raises:
-        RecordingError: a file whose size is not that of whole images, or ``out`` is in use.
-    """
-    sensor = Sensor(sensor_name, camera, depth_unit_m, depth_range_m)
-    images = (image for file in files for image in _raw_images(file, camera))
-    return _write(images, out, sensor=sensor, fps=fps, source=files[0].parent, overwrite=overwrite)
+    created_by = f"bonetrack import of {files[0].parent.name}, times by a nominal rate of {fps:g} Hz"
+    images = (image for file in files for image in _READERS[kind](file, camera))
+    with RecordingWriter(out, sensors=[sensor], created_by=created_by, overwrite=overwrite) as writer:
+        for index, image in enumerate(images):
+            writer.add_frame(sensor.name, image, index / fps)
+    return open_recording(out)
 
 
 def source_files(source: Path, pattern: str) -> list[Path]:
@@ -121,6 +84,10 @@ def natural_order(files: Iterable[Path]) -> list[Path]:
     return sorted(files, key=key)
 
 
+def _png_image(file: Path, camera: Camera) -> Iterator[NDArray[np.uint16]]:
+    yield depth_png.read_readings(file, width=camera.width, height=camera.height)
+
+
 def _raw_images(file: Path, camera: Camera) -> Iterator[NDArray[np.uint16]]:
     image_bytes = camera.width * camera.height * _BYTES_PER_READING
     try:
@@ -140,12 +107,4 @@ def _raw_images(file: Path, camera: Camera) -> Iterator[NDArray[np.uint16]]:
         raise RecordingError(f"cannot be read ({error.strerror})", where=file) from error
 
 
-def _write(
-    images: Iterator[NDArray[np.uint16]], out: Path, *, sensor: Sensor, fps: float, source: Path, overwrite: bool
-) -> Recording:
-    """Write the images as a recording; frame k was taken at k / fps."""
-    created_by = f"bonetrack import of {source.name}, times by a nominal rate of {fps:g} Hz"
-    with RecordingWriter(out, sensors=[sensor], created_by=created_by, overwrite=overwrite) as writer:
-        for index, image in enumerate(images):
-            writer.add_frame(sensor.name, image, index / fps)
-    return open_recording(out)
+_READERS: dict[Kind, Callable[[Path, Camera], Iterator[NDArray[np.uint16]]]] = {"png": _png_image, "raw": _raw_images}

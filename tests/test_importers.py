@@ -7,7 +7,7 @@ import pytest
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.fuse import fuse
-from capture.importers import import_png_folder, import_raw, natural_order, source_files
+from capture.importers import import_images, natural_order, source_files
 from capture.recording import instants, read_depth
 
 CAMERA = Camera(40, 30, 50.0, 50.0, 19.5, 14.5)
@@ -29,7 +29,8 @@ def test_a_folder_of_images_becomes_a_recording(tmp_path):
     images = readings(3)
     for name, image in zip(("2.png", "10.png", "1.png"), images, strict=True):
         cv2.imwrite(str(tmp_path / name), image)
-    recording = import_png_folder(tmp_path, tmp_path / "rec", camera=CAMERA, depth_unit_m=0.000125, fps=10.0)
+    files = natural_order(source_files(tmp_path, "*.png"))
+    recording = import_images(files, tmp_path / "rec", kind="png", camera=CAMERA, depth_unit_m=0.000125, fps=10.0)
     (sensor,) = recording.sensors
     assert [frame.time_s for frame in sensor.frames] == [0.0, 0.1, 0.2]
     expected = images[2] * 0.000125
@@ -43,7 +44,7 @@ def test_raw_dumps_hold_one_or_more_little_endian_images(tmp_path):
     (tmp_path / "a.raw").write_bytes(images[:2].astype("<u2").tobytes())
     (tmp_path / "b.raw").write_bytes(images[2].astype("<u2").tobytes())
     files = [tmp_path / "a.raw", tmp_path / "b.raw"]
-    recording = import_raw(files, tmp_path / "rec", camera=CAMERA, depth_unit_m=0.0005)
+    recording = import_images(files, tmp_path / "rec", kind="raw", camera=CAMERA, depth_unit_m=0.0005)
     (sensor,) = recording.sensors
     got = [read_depth(sensor, frame) for frame in sensor.frames]
     np.testing.assert_allclose(got, images * 0.0005, rtol=1e-5)
@@ -54,7 +55,7 @@ def test_a_raw_file_of_the_wrong_size_is_one_clear_line(tmp_path, size):
     file = tmp_path / "depth.raw"
     file.write_bytes(bytes(size))
     with pytest.raises(RecordingError, match=rf"depth\.raw: has {size} bytes, .*40 x 30.*2400") as raised:
-        import_raw([file], tmp_path / "rec", camera=CAMERA, depth_unit_m=0.001)
+        import_images([file], tmp_path / "rec", kind="raw", camera=CAMERA, depth_unit_m=0.001)
     assert "\n" not in str(raised.value)
 
 
@@ -69,7 +70,7 @@ def test_a_folder_without_images_is_an_error(tmp_path):
 def test_a_real_kinect_recording_becomes_a_cloud(tmp_path):
     files = natural_order(source_files(KINECT, "depth-data-*"))
     camera = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
-    recording = import_raw(files, tmp_path / "rec", camera=camera, depth_unit_m=0.001)
+    recording = import_images(files, tmp_path / "rec", kind="raw", camera=camera, depth_unit_m=0.001)
     assert len(recording.sensors[0].frames) == 12
     every = instants(recording)
     cloud = fuse(recording, every[4])
@@ -86,7 +87,8 @@ def test_a_real_kinect_recording_becomes_a_cloud(tmp_path):
 @pytest.mark.skipif(not SR305.is_dir(), reason="the real recording is not at hand")
 def test_a_real_close_recording_shows_the_hand_at_its_size(tmp_path):
     camera = Camera(640, 480, 476.007, 476.007, 313.683, 242.755)
-    recording = import_png_folder(SR305, tmp_path / "rec", camera=camera, depth_unit_m=0.000125)
+    files = natural_order(source_files(SR305, "*.png"))
+    recording = import_images(files, tmp_path / "rec", kind="png", camera=camera, depth_unit_m=0.000125)
     cloud = fuse(recording, instants(recording)[1])
     hand = cloud.points[cloud.points[:, 0] < 0.0]
     assert 0.08 < np.ptp(hand[:, 1]) < 0.16

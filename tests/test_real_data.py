@@ -11,7 +11,7 @@ from adapt.fit.start import find_pose
 from adapt.model.body import make_body
 from capture.camera import Camera
 from capture.fuse import fuse
-from capture.importers import import_raw, natural_order, source_files
+from capture.importers import import_images, natural_order, source_files
 from capture.recording import Recording, Region, instants
 
 KINECT = Path(__file__).parents[2] / "shared" / "recordings" / "upperbody_arms_kinect1_skeltrack"
@@ -24,7 +24,9 @@ pytestmark = pytest.mark.skipif(not KINECT.is_dir(), reason="the real recording 
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     camera = Camera(640, 480, 585.0, 585.0, 319.5, 239.5)
     files = natural_order(source_files(KINECT, "depth-data-*"))
-    return import_raw(files, tmp_path_factory.mktemp("real") / "rec", camera=camera, depth_unit_m=0.001, fps=0.1)
+    return import_images(
+        files, tmp_path_factory.mktemp("real") / "rec", kind="raw", camera=camera, depth_unit_m=0.001, fps=0.1
+    )
 
 
 @pytest.mark.parametrize(("frame", "elbow_deg"), [(7, (10.0, 50.0)), (10, (10.0, 60.0))])
