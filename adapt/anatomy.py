@@ -244,15 +244,39 @@ def anatomy_arrays(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
 def load_anatomy(name_or_path: str | Path) -> Anatomy:
     """Read an anatomy that ships with the package (by name) or any ``.npz`` of the same format (by path).
 
+    A limb whose other side ships is the mirror image of that.
+
     Raises:
         AnatomyError: no such anatomy, not an anatomy file, or a newer format version.
     """
-    path = Path(name_or_path)
-    if path.suffix != ".npz":
-        path = Path(str(resources.files("adapt") / "templates" / f"{name_or_path}.npz"))
-    if not path.is_file():
-        known = sorted(p.stem for p in path.parent.glob("*.npz"))
-        raise AnatomyError(f"no anatomy {str(name_or_path)!r}", remedy=f"use one of {', '.join(known) or 'none'}")
+    from adapt.mirror import mirrored, mirrored_name  # which itself needs what is above
+
+    if Path(name_or_path).suffix == ".npz":
+        path = Path(name_or_path)
+        if not path.is_file():
+            raise AnatomyError("no such anatomy file", where=path, remedy=f"or use one of {', '.join(_known())}")
+        return _read_anatomy(path)
+    name = str(name_or_path)
+    if _shipped(name).is_file():
+        return _read_anatomy(_shipped(name))
+    if _shipped(mirrored_name(name)).is_file():
+        return mirrored(_read_anatomy(_shipped(mirrored_name(name))))
+    raise AnatomyError(f"no anatomy {name!r}", remedy=f"use one of {', '.join(_known())}")
+
+
+def _shipped(name: str) -> Path:
+    return Path(str(resources.files("adapt") / "templates" / f"{name}.npz"))
+
+
+def _known() -> list[str]:
+    """Names of all anatomies that can be loaded, with their mirror images."""
+    from adapt.mirror import mirrored_name
+
+    names = {path.stem for path in _shipped("any").parent.glob("*.npz")}
+    return sorted(names | {mirrored_name(name) for name in names})
+
+
+def _read_anatomy(path: Path) -> Anatomy:
     try:
         with np.load(path, allow_pickle=False) as data:
             description = json.loads(str(data["description"]))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Anatomy, Frame, load_anatomy, save_anatomy
+from adapt.mirror import mirrored
 from adapt.model.body import (
     Body,
     bone_frames,
@@ -30,9 +31,9 @@ from tests.finite_differences import check_jacobian
 from tests.toy_anatomy import toy_anatomy
 
 
-@pytest.fixture
-def anatomy() -> Anatomy:
-    return toy_anatomy()
+@pytest.fixture(params=["right", "left"])
+def anatomy(request: pytest.FixtureRequest) -> Anatomy:
+    return toy_anatomy() if request.param == "right" else mirrored(toy_anatomy())
 
 
 @pytest.fixture

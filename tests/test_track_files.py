@@ -138,7 +138,7 @@ def test_a_raised_arm_has_the_angles_that_isb_gives_it(humerus, plane, elevation
         thorax[:3, :3] = turned
         theta = np.zeros((2, 6))
         theta[0, :3], theta[1] = log_so3(turned @ humerus), np.nan
-        angles = thoraco_humeral(thorax, theta, [0, 1, 2])
+        angles = thoraco_humeral(thorax, theta, [0, 1, 2], side="right")
         assert angles["thoracohumeral_plane_of_elevation"][0] == pytest.approx(plane, abs=1e-6)
         assert angles["thoracohumeral_elevation"][0] == pytest.approx(elevation)
         assert np.isnan(angles["thoracohumeral_elevation"][1])
@@ -146,14 +146,14 @@ def test_a_raised_arm_has_the_angles_that_isb_gives_it(humerus, plane, elevation
 
 @pytest.mark.filterwarnings("ignore:Gimbal lock")
 def test_a_hanging_arm_is_not_elevated():
-    angles = thoraco_humeral(np.eye(4), log_so3(HANGING)[None], [0, 1, 2])
+    angles = thoraco_humeral(np.eye(4), log_so3(HANGING)[None], [0, 1, 2], side="right")
     assert angles["thoracohumeral_elevation"][0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_isb_angles_compose_to_the_arms_rotation():
     for seed in range(20):
         arm = Rotation.random(rng=np.random.default_rng(seed))
-        angles = thoraco_humeral(np.eye(4), arm.as_rotvec()[None], [0, 1, 2])
+        angles = thoraco_humeral(np.eye(4), arm.as_rotvec()[None], [0, 1, 2], side="right")
         plane, elevation, axial = (np.deg2rad(values[0]) for values in angles.values())
         y = np.array([0.0, 1.0, 0.0])
         composed = exp_so3(plane * y) @ exp_so3(np.array([-elevation, 0.0, 0.0])) @ exp_so3(axial * y)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,16 +35,21 @@ def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
     return columns
 
 
-def thoraco_humeral(world_from_thorax: Floats, thetas: Floats, rotation: list[int]) -> dict[str, Floats]:
+def thoraco_humeral(
+    world_from_thorax: Floats, thetas: Floats, rotation: list[int], *, side: Literal["right", "left"]
+) -> dict[str, Floats]:
     """ISB angles (degrees) of the humerus in the thorax, Y-X'-Y'' (Wu et al. 2005), for poses (T, n).
 
     ``rotation`` are the indices of the humerus' rotation vector in theta; the thorax frame (4, 4) has X forward,
-    Y up, Z right. Plane 0 is abduction, 90 forward flexion; elevation is counted positive.
+    Y up, Z right. Plane 0 is abduction, 90 forward flexion; elevation is counted positive. A left arm has the angles
+    of its mirror image (adapt.mirror), so they mean the same on both sides.
     """
     to_thorax = world_from_thorax[:3, :3].T
+    reflection = np.diag([1.0, 1.0, -1.0 if side == "left" else 1.0])
 
     def angles(vectors: Floats) -> Floats:
-        plane, tilt, axial = Rotation.from_matrix(to_thorax @ exp_so3(vectors)).as_euler("YXY").T
+        turned = reflection @ to_thorax @ exp_so3(vectors) @ reflection
+        plane, tilt, axial = Rotation.from_matrix(turned).as_euler("YXY").T
         # Raising the arm turns about -X (ISB): the same rotation with the tilt's sign turned over.
         return np.column_stack([_half_turn(plane), tilt, _half_turn(axial)])
 

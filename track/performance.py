@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.mirror import mirrored_name
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_normals
@@ -69,14 +70,16 @@ def soft_tissue(anatomy: Anatomy, rng: np.random.Generator) -> Floats:
 
 
 def motion_names(anatomy: Anatomy) -> tuple[str, ...]:
-    """The made-up motions that there are for an anatomy (``track/motions/NAME.json``)."""
+    """The made-up motions for an anatomy (``track/motions/NAME.json``): both sides of the body move alike."""
     return tuple(_motions(anatomy))
 
 
 def _motions(anatomy: Anatomy) -> dict[str, dict[str, dict[str, float]]]:
-    path = Path(str(resources.files("track") / "motions" / f"{anatomy.name}.json"))
-    if not path.is_file():
-        raise PerformanceError(f"no motions for {anatomy.name}", where=path, remedy="perform a motion table instead")
+    folder = Path(str(resources.files("track") / "motions"))
+    paths = [folder / f"{name}.json" for name in (anatomy.name, mirrored_name(anatomy.name))]
+    path = next((path for path in paths if path.is_file()), None)
+    if path is None:
+        raise PerformanceError(f"no motions for {anatomy.name}", where=folder, remedy="perform a motion table instead")
     motions: dict[str, dict[str, dict[str, float]]] = json.loads(path.read_text(encoding="utf-8"))
     return motions
 

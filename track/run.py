@@ -81,7 +81,7 @@ def write_motion_folder(
     if world_from_thorax is not None:
         root = next(joint for joint in subject.anatomy.joints if joint.type == "free")
         rotation = [subject.anatomy.coordinate_index(name) for name in root.coordinates[:3]]
-        columns |= thoraco_humeral(world_from_thorax, motion.thetas, rotation)
+        columns |= thoraco_humeral(world_from_thorax, motion.thetas, rotation, side=subject.anatomy.side)
     write_mot(out / "angles.mot", motion.times, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
     write_quality(out / "quality.csv", motion, subject.anatomy)

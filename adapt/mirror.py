@@ -1,0 +1,120 @@
+"""The other side's limb: an anatomy reflected in the plane z = 0, between left and right.
+
+With S = diag(1, 1, -1), every point x goes to S x, and the mirrored limb must pose as the mirror image: the same
+coordinates, every bone's motion T to S T S. The same value then means the same movement on both sides: flexion,
+pronation. What that asks of each part:
+
+- A turn R(u, q) about an axis u becomes S R(u, q) S = R(-S u, q). An axis runs from its first landmark to its second,
+  which gives S u, so the two change places.
+- A frame C = [x y z] stays right-handed as S C S = [Sx, Sy, -Sz]: from the same y, and z from the opposite ends.
+  z points to the body's right on both sides. This is ISB's rule for left limbs: mirror the data, use the definitions
+  of the right (Wu et al. 2005, J Biomech 38:981).
+- A rotation vector r becomes -S r = (-rx, -ry, rz), a translation t becomes S t.
+- Faces and tetrahedra change their orientation twice: by S, and by the order of their corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import assert_never
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Frame, Handle, Ints, Joint
+
+_OTHER = {"right": "left", "left": "right"}
+_SIGNS = np.array([1.0, 1.0, -1.0])
+_FREE_SIGNS = (-1, -1, 1, 1, 1, -1)  # of a free joint's coordinates: rotation vector, then origin
+
+
+def mirrored(anatomy: Anatomy) -> Anatomy:
+    """The same limb of the other side. Names of bones, landmarks, joints and coordinates stay."""
+    return Anatomy(
+        name=mirrored_name(anatomy.name),
+        side="left" if anatomy.side == "right" else "right",
+        bones=tuple(_bone(bone) for bone in anatomy.bones),
+        joints=tuple(_joint(joint) for joint in anatomy.joints),
+        coordinates=_coordinates(anatomy),
+        handles=tuple(_handle(handle) for handle in anatomy.handles),
+        deformers=tuple(_deformer(deformer) for deformer in anatomy.deformers),
+        landmark_names=anatomy.landmark_names,
+        landmarks=mirrored_points(anatomy.landmarks),
+        landmark_handle_weights=anatomy.landmark_handle_weights,
+        skin_vertices=mirrored_points(anatomy.skin_vertices),
+        skin_faces=_turned_over(anatomy.skin_faces),
+        skin_handle_weights=anatomy.skin_handle_weights,
+        deformer_weights=anatomy.deformer_weights,
+        fit_weight=anatomy.fit_weight,
+        tetrahedra={
+            name: (mirrored_points(points), _turned_over(tets)) for name, (points, tets) in anatomy.tetrahedra.items()
+        },
+    )
+
+
+def mirrored_name(name: str) -> str:
+    """The name of the other side's limb; a name that tells no side stays.
+
+    >>> mirrored_name("upper-limb-right")
+    'upper-limb-left'
+    """
+    stem, dash, side = name.rpartition("-")
+    return stem + dash + _OTHER.get(side, side)
+
+
+def mirrored_points(points: Floats) -> Floats:
+    """Points (..., 3) on the other side of the plane z = 0."""
+    return np.asarray(points * _SIGNS)
+
+
+def _turned_over(corners: Ints) -> Ints:
+    """Faces (M, 3) or tetrahedra (M, 4) of the opposite orientation."""
+    swapped = corners.copy()
+    swapped[:, [-2, -1]] = corners[:, [-1, -2]]
+    return swapped
+
+
+def _frame(frame: Frame) -> Frame:
+    return replace(frame, z_from=frame.z_to, z_to=frame.z_from)
+
+
+def _bone(bone: Bone) -> Bone:
+    return Bone(
+        bone.name, _frame(bone.frame), mirrored_points(bone.vertices), _turned_over(bone.faces), bone.handle_weights
+    )
+
+
+def _handle(handle: Handle) -> Handle:
+    x, y, z = handle.position
+    return replace(handle, position=(x, y, -z))
+
+
+def _joint(joint: Joint) -> Joint:
+    match joint.type:
+        case "free":  # its child's frame is mirrored
+            return joint
+        case "hinge" | "universal":
+            return replace(joint, axes=tuple((second, first) for first, second in joint.axes))
+        case _:
+            assert_never(joint.type)
+
+
+def _coordinates(anatomy: Anatomy) -> tuple[Coordinate, ...]:
+    """Coordinates keep their ranges, but those of a free joint that change their signs."""
+    turned = {
+        name
+        for joint in anatomy.joints
+        if joint.type == "free"
+        for name, sign in zip(joint.coordinates, _FREE_SIGNS, strict=True)
+        if sign < 0
+    }
+    return tuple(replace(c, low=-c.high, high=-c.low) if c.name in turned else c for c in anatomy.coordinates)
+
+
+def _deformer(deformer: Deformer) -> Deformer:
+    match deformer.type:
+        case "rigid":
+            return deformer
+        case "forearm":
+            return replace(deformer, frames=tuple(_frame(frame) for frame in deformer.frames))
+        case _:
+            assert_never(deformer.type)
