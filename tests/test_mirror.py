@@ -9,6 +9,10 @@ import pytest
 
 from adapt.anatomy import anatomy_arrays, load_anatomy, save_anatomy
 from adapt.build import checks
+from adapt.fit.correspondences import Target
+from adapt.fit.pose import fit_pose
+from adapt.fit.sample import sample_skin
+from adapt.fit.shape import fit_shape
 from adapt.mirror import mirrored, mirrored_name, mirrored_points
 from adapt.model.body import (
     Body,
@@ -245,3 +249,42 @@ def test_tissue_random_bodies_and_motions_are_the_same_on_both_sides(arm, left):
     assert motion_names(left) == motion_names(arm)
     moves = [perform(body, motion_names(arm)[:2], seconds_each=0.2, seed=1).thetas for body in bodies]
     np.testing.assert_array_equal(moves[0][:, 6:], moves[1][:, 6:])
+
+
+# ---- in fitting
+
+
+@pytest.fixture(scope="module")
+def seen(limb):
+    """A right limb in one of its clouds, the mirror images of both, and a pose that is a little off."""
+    body, target = limb.subject.body, limb.targets[2]
+    shape = body.shape.reshape(-1, 4) * [1.0, 1.0, 1.0, -1.0]
+    other = make_body(mirrored(body.anatomy), shape=shape.ravel(), v_hat=mirrored_points(body.v_hat))
+    cloud = target.cloud
+    views = tuple(replace(view, world_from_sensor=REFLECTION @ view.world_from_sensor) for view in cloud.views)
+    points, normals = mirrored_points(cloud.points), mirrored_points(cloud.normals)
+    image = Target(replace(cloud, points=points, normals=normals, views=views))
+    return (body, target), (other, image), limb.thetas[2] + 0.03
+
+
+def test_a_left_limb_fits_the_mirrored_cloud_as_the_right_one_fits_the_cloud(seen):
+    right, left, theta = seen
+    fits = [
+        fit_pose(body, target, start, sample_skin(body.anatomy, at_most=500), updates=4)
+        for (body, target), start in ((right, theta), (left, other_side(theta)))
+    ]
+    np.testing.assert_array_equal(fits[1].matches.vertex, fits[0].matches.vertex)
+    np.testing.assert_allclose(fits[1].theta, other_side(fits[0].theta), atol=1e-6)
+    assert np.abs(fits[0].theta - theta).max() > 0.01
+
+
+def test_the_shape_of_a_left_limb_is_fitted_as_that_of_the_right_one(seen):
+    right, left, theta = seen
+    fitted = [
+        fit_shape(
+            make_body(body.anatomy), [target], start[None], sample_skin(body.anatomy, at_most=500), updates=2
+        ).body.shape.reshape(-1, 4)
+        for (body, target), start in ((right, theta), (left, other_side(theta)))
+    ]
+    np.testing.assert_allclose(fitted[1], fitted[0] * [1.0, 1.0, 1.0, -1.0], atol=1e-6)
+    assert np.abs(fitted[0] - [1.0, 0.0, 0.0, 0.0]).max() > 0.005
