@@ -143,6 +143,14 @@ def test_a_subject_is_exported_too(chain, tmp_path):
     assert {"skin.ply", "humerus.ply"} <= {path.name for path in (tmp_path / "meshes").iterdir()}
 
 
+def test_a_left_limb_is_simulated_by_its_name(tmp_path):
+    (tmp_path / "motion.csv").write_text("time,elbow_flexion\n0,1.0\n0.1,1.2\n")
+    arguments = ("--anatomy", "upper-limb-left", "--motion", tmp_path / "motion.csv", "--out", tmp_path / "rec")
+    assert bonetrack("simulate", *arguments, "--noise", "none").code == 0
+    truth = read_truth(open_recording(tmp_path / "rec"))
+    assert (truth.body.anatomy.name, truth.body.anatomy.side) == ("upper-limb-left", "left")
+
+
 # ---- what is wrong is said in one line
 
 
@@ -268,6 +276,7 @@ def test_fewer_poses_than_needed(recording, tmp_path):
 def test_an_anatomy_that_does_not_exist(recording, tmp_path):
     said = fails("adapt", recording, "--anatomy", "tail", "--out", tmp_path / "o.npz", saying="tail")
     assert ANATOMY in said
+    assert "upper-limb-left" in said
 
 
 def test_a_subject_of_another_anatomy(recording, subject, tmp_path):

@@ -112,9 +112,11 @@ def test_the_arm_has_a_mans_proportions(arm):
         ("deviation", "finger3_tip", ("RS", "US")),
     ],
 )
-def test_positive_coordinates_turn_as_opensims_do(body, coordinate, moving, towards):
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_positive_coordinates_turn_as_opensims_do(side, coordinate, moving, towards):
     """Flexion brings the hand to the shoulder, pronation the thumb inward, wrist flexion the fingers palmward."""
-    arm = body.anatomy
+    arm = load_anatomy(f"upper-limb-{side}")
+    body = make_body(arm)
     theta = rest_theta(body)
     index = arm.coordinate_index(coordinate)
     theta[index] = arm.coordinates[arm.coordinate_index(coordinate)].rest + 0.1
