@@ -94,6 +94,8 @@ def _joint(joint: Joint) -> Joint:
             return joint
         case "hinge" | "universal":
             return replace(joint, axes=tuple((second, first) for first, second in joint.axes))
+        case "spline":
+            return replace(joint, frames=tuple(_frame(frame) for frame in joint.frames))
         case _:
             assert_never(joint.type)
 

@@ -30,6 +30,7 @@ from adapt.tissue import tissue_deviation
 from capture.errors import AnatomyError
 from capture.rigid import apply, exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
+from tests.toy_leg import toy_leg
 from track.angles import thoraco_humeral
 from track.performance import motion_names, perform, random_body
 
@@ -42,10 +43,10 @@ def left():
     return load_anatomy(LEFT)
 
 
-@pytest.fixture(scope="module", params=["arm", "toy"])
+@pytest.fixture(scope="module", params=["arm", "toy", "leg"])
 def pair(request, arm):
     """A right body of some proportions, and its mirror image."""
-    right = arm if request.param == "arm" else toy_anatomy()
+    right = {"arm": arm, "toy": toy_anatomy(), "leg": toy_leg()}[request.param]
     rng = np.random.default_rng(8)
     identity = affine_set(right).identity
     shape = identity + rng.normal(0.0, 0.02, len(identity))

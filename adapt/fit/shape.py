@@ -96,7 +96,7 @@ def fit_shape(
         moved = np.abs(x - before)
         if np.delete(moved, np.arange(of.m, of.m + of.q)).max() < _STILL:
             break
-    covariance: Floats = np.linalg.inv(evaluate(x).hessian)
+    covariance = np.asarray(np.linalg.inv(evaluate(x).hessian), dtype=np.float64)
     shape = covariance[: of.m, : of.m]
     held = np.trace(shape @ shape_precision(anatomy, body.affine)) + np.trace(covariance[of.tissue, of.tissue])
     return ShapeFit(body, x[of.m + of.q :].reshape(len(targets), of.n), shape, len(x) - float(held))
