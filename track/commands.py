@@ -134,9 +134,10 @@ def print_evaluation(evaluation) -> None:  # type: ignore[no-untyped-def]
     """The error table."""
     from rich.table import Table
 
-    table = Table("error", "unit", "mean", "SD", "max", title="errors against the truth")
+    table = Table("error", "unit", "mean", "SD", "max", "within 2 stated SD", title="errors against the truth")
     for row in evaluation.summaries():
-        table.add_row(row.name, row.unit, f"{row.mean:.2f}", f"{row.sd:.2f}", f"{row.maximum:.2f}")
+        covered = "" if row.covered is None else f"{100 * row.covered:.0f} %"
+        table.add_row(row.name, row.unit, f"{row.mean:.2f}", f"{row.sd:.2f}", f"{row.maximum:.2f}", covered)
     stdout.print(table)
     stdout.print(f"{evaluation.lost} of {evaluation.frames} frames lost", highlight=False)
 

@@ -40,7 +40,11 @@ class Truth:
 
 @dataclass(frozen=True)
 class ErrorSummary:
-    """One kind of error over the tracked frames."""
+    """One kind of error over the tracked frames.
+
+    ``covered`` is the share of frames whose error is within two of the standard deviations that the motion states,
+    None for kinds of error that it states none for.
+    """
 
     name: str
     unit: str
@@ -48,14 +52,19 @@ class ErrorSummary:
     sd: float
     maximum: float
     rms: float
+    covered: float | None
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Errors (T,) by kind, NaN where the frame was not tracked; ``frames`` and ``lost`` count them."""
+    """Errors (T,) by kind, NaN where the frame was not tracked; ``frames`` and ``lost`` count them.
+
+    ``stated`` holds the standard deviations (T,) that the motion itself gives, for the kinds that have one.
+    """
 
     errors: dict[str, Floats] = field(repr=False)
     units: dict[str, str] = field(repr=False)
+    stated: dict[str, Floats] = field(repr=False)
     frames: int
     lost: int
 
@@ -73,20 +82,25 @@ class Evaluation:
                         float(known.std()),
                         float(known.max()),
                         float(np.sqrt((known**2).mean())),
+                        self._covered(name),
                     )
                 )
         return rows
 
+    def _covered(self, name: str) -> float | None:
+        if name not in self.stated:
+            return None
+        known = np.isfinite(self.errors[name])
+        return float((self.errors[name] <= 2.0 * self.stated[name])[known].mean())
+
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for a file."""
-        return {
-            "frames": self.frames,
-            "lost": self.lost,
-            "errors": {
-                row.name: {"unit": row.unit, "mean": row.mean, "sd": row.sd, "max": row.maximum, "rms": row.rms}
-                for row in self.summaries()
-            },
-        }
+        return {"frames": self.frames, "lost": self.lost, "errors": {row.name: _plain(row) for row in self.summaries()}}
+
+
+def _plain(row: ErrorSummary) -> dict[str, Any]:
+    plain = {"unit": row.unit, "mean": row.mean, "sd": row.sd, "max": row.maximum, "rms": row.rms}
+    return plain if row.covered is None else plain | {"within_2_sd": row.covered}
 
 
 def read_truth(recording: Recording) -> Truth:
@@ -156,7 +170,12 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
             units[name] = unit
             errors.setdefault(name, [np.nan] * t).append(value)
     arrays = {name: np.array(values) for name, values in errors.items()}
-    return Evaluation(arrays, units, len(motion.times), int((~motion.tracked).sum()))
+    stated = {
+        f"angle {name}": np.rad2deg(motion.deviations[:, i])
+        for i, name in enumerate(motion.coordinates)
+        if f"angle {name}" in arrays
+    }
+    return Evaluation(arrays, units, stated, len(motion.times), int((~motion.tracked).sum()))
 
 
 def _frame_errors(

@@ -53,16 +53,25 @@ def calibrated(recording: Recording) -> Recording:
 
 
 def error_rows(results: list[dict[str, Any]]) -> list[list[str]]:
-    """A header, then mean ± SD (maximum) of every kind of error: a column per subject and one over all."""
+    """A header, then mean ± SD (maximum) of every kind of error: a column per subject and one over all.
+
+    For coordinates also the share of frames whose error is within two of the standard deviations that tracking states.
+    """
     rows = [["error", "unit", *[f"subject {r['seed']}" for r in results], "all"]]
     for name, first in results[0]["errors"].items():
         errors = [r["errors"][name] for r in results]
         cells = [f"{e['mean']:.2f} ± {e['sd']:.2f} ({e['max']:.1f})" for e in errors]
+        cells = [cell + _covered(e) for cell, e in zip(cells, errors, strict=True)]
         mean, worst = np.mean([e["mean"] for e in errors]), max(e["max"] for e in errors)
         rows.append([name, first["unit"], *cells, f"{mean:.2f} ({worst:.1f})"])
     lost, frames = sum(r["lost"] for r in results), sum(r["frames"] for r in results)
     rows.append(["frames lost", "", *[f"{r['lost']} of {r['frames']}" for r in results], f"{lost} of {frames}"])
     return rows
+
+
+def _covered(error: dict[str, Any]) -> str:
+    """The share of frames within two stated standard deviations, where any are stated."""
+    return f", {100 * error['within_2_sd']:.0f} % in 2 SD" if "within_2_sd" in error else ""
 
 
 def show(results: list[dict[str, Any]], title: str, markdown: Path) -> None:

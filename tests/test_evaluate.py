@@ -1,0 +1,63 @@
+"""Errors against the truth: nothing for the truth itself, what was put in for a motion that is off by it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from track.evaluate import evaluate_motion
+from track.motion import Motion, bones_and_centres, coordinate_names
+
+
+@pytest.fixture(scope="module")
+def true_motion(limb) -> Motion:
+    """The truth as a motion that states 1 degree (and 1 mm) of standard deviation."""
+    transforms, centres = bones_and_centres(limb.subject, limb.thetas)
+    count = len(limb.times)
+    units = [coordinate.unit for coordinate in limb.subject.anatomy.coordinates]
+    return Motion(
+        anatomy=limb.subject.anatomy.name,
+        coordinates=coordinate_names(limb.subject.anatomy),
+        times=limb.times,
+        thetas=limb.thetas,
+        deviations=np.tile([np.deg2rad(1.0) if unit == "rad" else 0.001 for unit in units], (count, 1)),
+        lost=("",) * count,
+        residuals=np.zeros(count),
+        coverage=np.ones(count),
+        matches=np.full(count, 1000.0),
+        transforms=transforms,
+        centres=centres,
+    )
+
+
+def errors(limb, motion):
+    return {row.name: row for row in evaluate_motion(motion, limb.subject, limb.recording).summaries()}
+
+
+def test_the_truth_has_no_error(limb, true_motion):
+    for row in errors(limb, true_motion).values():
+        assert row.maximum < 0.05, row
+        assert row.covered in (None, 1.0)
+
+
+def test_an_angle_that_is_off_is_off_by_that_much_and_covered_as_often_as_stated(limb, true_motion):
+    elbow = limb.subject.anatomy.coordinate_index("elbow_flexion")
+    thetas = limb.thetas.copy()
+    thetas[::3, elbow] += np.deg2rad(2.5)
+    thetas[1::3, elbow] += np.deg2rad(1.5)
+    row = errors(limb, replace(true_motion, thetas=thetas))["angle elbow_flexion"]
+    assert row.maximum == pytest.approx(2.5)
+    assert row.mean == pytest.approx(4.0 / 3.0)
+    assert row.covered == pytest.approx(2.0 / 3.0)
+
+
+def test_lost_frames_are_counted_and_left_out(limb, true_motion):
+    lost = ("gone", *true_motion.lost[1:])
+    thetas = limb.thetas.copy()
+    thetas[0] = np.nan
+    evaluation = evaluate_motion(replace(true_motion, lost=lost, thetas=thetas), limb.subject, limb.recording)
+    assert evaluation.lost == 1
+    assert evaluation.frames == len(limb.times)
+    assert all(row.maximum < 0.05 for row in evaluation.summaries())
