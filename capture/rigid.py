@@ -6,6 +6,8 @@ names: ``world_from_sensor`` maps sensor coordinates to world coordinates.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,10 +41,22 @@ def exp_so3(rotation_vector: Floats) -> Floats:
 
 
 def log_so3(rotation: Floats) -> Floats:
-    """Rotation vectors (rad, norm in [0, pi]) of one rotation matrix (3, 3) or of several (N, 3, 3)."""
-    from scipy.spatial.transform import Rotation
+    """Rotation vectors (rad, norm in [0, pi]) of one rotation matrix (3, 3) or of several (N, 3, 3).
 
-    return np.asarray(Rotation.from_matrix(rotation).as_rotvec())
+    With axis u and angle x, the matrix is cos(x) I + sin(x) hat(u) + (1 - cos(x)) u u^T: its skew part gives the
+    axis unless x is near pi, where the symmetric part does.
+    """
+    if rotation.ndim > 2:
+        return np.array([log_so3(one) for one in rotation])
+    skew = 0.5 * (rotation - rotation.T)
+    sine_u = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    sine, cosine = math.sqrt(sine_u @ sine_u), 0.5 * (float(np.trace(rotation)) - 1.0)
+    angle = math.atan2(sine, cosine)
+    if cosine > -0.5:
+        return sine_u * (angle / sine if sine > 0.0 else 1.0)
+    axes = rotation + rotation.T - 2.0 * cosine * np.eye(3)  # 2 (1 - cos(x)) u u^T
+    axis = axes[:, np.argmax(np.diag(axes))]
+    return np.asarray(axis * math.copysign(angle / math.sqrt(axis @ axis), axis @ sine_u))
 
 
 def left_jacobian_so3(rotation_vector: Floats) -> Floats:

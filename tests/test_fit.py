@@ -14,14 +14,14 @@ from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corr
 from adapt.fit.examples import choose_examples
 from adapt.fit.first_poses import read_first_poses
 from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
-from adapt.fit.pose import GaussianPose, fit_pose, match_pose
+from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
 from adapt.fit.priors import SIZE_SIGMA, range_term, shape_precision
 from adapt.fit.sample import sample_skin
 from adapt.fit.shape import Unknowns, fit_shape, shape_energy
 from adapt.fit.skin import STIFFNESS, fit_skin
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
-from adapt.model.surface import vertex_areas
+from adapt.model.surface import incidence, vertex_areas, vertex_normals
 from adapt.model.variation import Points
 from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import FitError
@@ -142,6 +142,15 @@ def test_only_eligible_vertices_are_matched():
     np.testing.assert_array_equal(matches.vertex, [0, 2])
 
 
+def test_the_normals_of_a_sample_are_those_of_the_whole_mesh(arm, person, sample):
+    body, thetas, _ = person
+    skin, faces = pose_skin(body, thetas[1]), arm.skin_faces
+    normals = sample.normals(skin)
+    whole = vertex_normals(skin, faces, incidence(faces, len(skin)))
+    np.testing.assert_allclose(normals[sample.vertices], whole[sample.vertices], atol=1e-12)
+    np.testing.assert_array_equal(np.delete(normals, sample.vertices, axis=0), 0.0)
+
+
 # ---- energies and their derivatives
 
 
@@ -184,6 +193,17 @@ def test_the_data_terms_matrix_is_that_of_its_residuals():
     check_jacobian(gradient, here.hessian / scale, x)
     np.testing.assert_allclose(here.hessian, here.hessian.T)
     assert (np.linalg.eigvalsh(here.hessian) > 0.0).all()
+
+
+def test_the_cost_of_a_pose_is_the_same_with_and_without_its_derivatives(person, sample):
+    body, thetas, targets = person
+    matches = match_pose(body, targets[2], thetas[2], sample, gate_m=0.04)
+    theta = thetas[2] + np.random.default_rng(4).normal(0.0, 0.05, len(thetas[2]))
+    theta[body.anatomy.coordinate_index("elbow_flexion")] = -0.3  # outside its range
+    prior = GaussianPose(thetas[2], np.eye(len(theta)))
+    for expected in (None, prior):
+        cost = PoseEnergy(body, matches, sample.observations[matches.vertex], expected)
+        assert cost.value(theta) == pytest.approx(cost.quadratic(theta).energy, rel=1e-12)
 
 
 def test_the_data_term_weighs_distance_to_the_plane_a_hundred_times():
@@ -243,6 +263,21 @@ def test_levenberg_marquardt_moves_on_though_its_first_steps_are_refused():
     start = np.array([-1.2, 1.0])
     for steps in (1, 3):
         assert rosenbrock(levenberg_marquardt(rosenbrock, start, steps=steps)).energy < rosenbrock(start).energy
+
+
+@pytest.mark.parametrize("steps", [1, 2, 7])
+def test_derivatives_are_only_worked_out_where_a_step_starts_if_the_energy_comes_alone(steps):
+    started = []
+
+    def counted(x):
+        started.append(x)
+        return rosenbrock(x)
+
+    for start in np.random.default_rng(0).uniform(-3.0, 3.0, (10, 2)):
+        started.clear()
+        found = levenberg_marquardt(counted, start, steps=steps, energy=lambda x: rosenbrock(x).energy)
+        np.testing.assert_array_equal(found, levenberg_marquardt(rosenbrock, start, steps=steps))
+        assert 0 < len(started) <= steps
 
 
 # ---- what is known of bodies

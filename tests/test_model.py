@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,12 +21,12 @@ from adapt.model.body import (
     posed_bones,
     rest_theta,
 )
-from adapt.model.deformers.forearm import forearm
+from adapt.model.deformers import bind, carry
 from adapt.model.frames import frame_from_landmarks
 from adapt.model.handles import affine_set, d_deform_d_shape, deform, handle_positions, local_scale
 from adapt.model.joints import joint_motion
 from adapt.model.kinematics import bone_motions
-from adapt.model.variation import Motion, Points, compose, constant_points, invert, move
+from adapt.model.variation import Motion, Points, compose, constant_points, invert, move, still_points
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, left_jacobian_so3, log_so3
 from tests.finite_differences import check_jacobian
@@ -78,6 +80,16 @@ def test_exp_and_log_are_inverse_and_the_left_jacobian_is_its_derivative() -> No
         r *= scale / np.linalg.norm(r)
         np.testing.assert_allclose(log_so3(exp_so3(r)), r, atol=1e-9)
         check_jacobian(lambda q, r=r: log_so3(exp_so3(q) @ exp_so3(r).T), left_jacobian_so3(r), r)
+
+
+@pytest.mark.parametrize("short_of_pi", [0.0, 1e-12, 1e-7, 1e-3, 1.0, 2.0, np.pi - 1e-9])
+def test_every_rotation_is_that_of_its_own_vector_up_to_half_a_turn(short_of_pi: float) -> None:
+    rng = np.random.default_rng(6)
+    for axis in (*np.eye(3), *-np.eye(3), *rng.normal(size=(20, 3))):
+        rotation = exp_so3((np.pi - short_of_pi) * axis / np.linalg.norm(axis))
+        vector = log_so3(rotation)
+        assert np.linalg.norm(vector) == pytest.approx(np.pi - short_of_pi, abs=1e-12)
+        np.testing.assert_allclose(exp_so3(vector), rotation, atol=1e-12)
 
 
 def test_composition_inversion_and_action_agree_with_finite_differences() -> None:
@@ -179,22 +191,55 @@ def test_the_forearm_deformer_varies_as_stated(anatomy: Anatomy, theta: np.ndarr
         points = Points(q[n + m :].reshape(-1, 3), own.reshape(*ramp.shape, -1))
         motions = bone_motions(anatomy, q[:n], p)
         deformer = anatomy.deformers[1]
-        return forearm(anatomy, deformer.frames, (motions["fore"], motions["spin"]), p, points)
+        return carry(deformer, bind(anatomy, deformer, p, points), motions)
 
     at = np.concatenate([theta, anatomy.landmarks.ravel(), ramp.ravel()])
     check_jacobian(lambda q: skin(q).value, skin(at).d, at)
 
 
 def test_the_elbow_end_follows_the_ulna_and_the_wrist_end_the_radius(anatomy: Anatomy, theta: np.ndarray) -> None:
-    frames = anatomy.deformers[1].frames
+    deformer = anatomy.deformers[1]
     p = constant_points(anatomy.landmarks, len(theta))
     motions = bone_motions(anatomy, theta, p)
-    axis_start, axis_end = (frame_from_landmarks(anatomy, f, p).translation for f in frames)
+    axis_start, axis_end = (frame_from_landmarks(anatomy, f, p).translation for f in deformer.frames)
     outside = np.array([axis_start - 0.2 * (axis_end - axis_start), axis_end + 0.2 * (axis_end - axis_start)])
     skin = constant_points(outside + 0.01, len(theta))
-    carried = forearm(anatomy, frames, (motions["fore"], motions["spin"]), p, skin).value
+    carried = carry(deformer, bind(anatomy, deformer, p, skin), motions).value
     np.testing.assert_allclose(carried[0], move(motions["fore"], skin).value[0], atol=1e-12)
     np.testing.assert_allclose(carried[1], move(motions["spin"], skin).value[1], atol=1e-12)
+
+
+def test_points_that_do_not_vary_are_carried_as_if_they_had_derivatives_of_zero(
+    anatomy: Anatomy, theta: np.ndarray
+) -> None:
+    motions = bone_motions(anatomy, theta, constant_points(anatomy.landmarks, len(theta)))
+    for deformer in anatomy.deformers:
+        full, shared = (
+            carry(deformer, bind(anatomy, deformer, constant_points(anatomy.landmarks, n), skin), motions)
+            for n, skin in (
+                (len(theta), constant_points(anatomy.skin_vertices, len(theta))),
+                (1, still_points(anatomy.skin_vertices)),
+            )
+        )
+        np.testing.assert_array_equal(shared.value, full.value)
+        np.testing.assert_allclose(shared.d, full.d, atol=1e-12)
+
+
+def test_a_forearm_that_hardly_twists_varies_like_one_that_does(anatomy: Anatomy, theta: np.ndarray) -> None:
+    ulna = anatomy.deformers[1].frames[0]
+    deformer = replace(anatomy.deformers[1], frames=(ulna, replace(ulna, origin=("styloid",))))  # alike at rest
+    skin, p = still_points(anatomy.skin_vertices), constant_points(anatomy.landmarks, 1)
+    bound = bind(anatomy, deformer, p, skin)
+    index = anatomy.coordinate_index(next(j for j in anatomy.joints if j.child == "spin").coordinates[0])
+
+    def carried(turn: float) -> Points:
+        at = theta.copy()
+        at[index] = anatomy.coordinates[index].rest + turn
+        return carry(deformer, bound, bone_motions(anatomy, at, constant_points(anatomy.landmarks, len(theta))))
+
+    for turn in (0.0, 1e-5, 1e-4, 1e-3):
+        slope = (carried(turn + 1e-5).value - carried(turn - 1e-5).value) / 2e-5
+        np.testing.assert_allclose(carried(turn).d[:, :, index], slope, atol=1e-8)
 
 
 def test_the_whole_model_varies_as_stated_with_pose_and_shape(body: Body, theta: np.ndarray) -> None:
@@ -227,6 +272,35 @@ def test_some_vertices_pose_as_they_do_among_all(body: Body, theta: np.ndarray) 
     np.testing.assert_array_equal(pose_skin(body, theta, vertices=some), pose_skin(body, theta)[some])
     np.testing.assert_array_equal(
         pose_skin_varying(body, theta, vertices=some).d, pose_skin_varying(body, theta).d[some]
+    )
+
+
+def test_deformers_that_touch_few_vertices_move_them_as_they_would_among_many(
+    anatomy: Anatomy, theta: np.ndarray
+) -> None:
+    weights = anatomy.deformer_weights.copy()
+    weights[10:, 1:] = 0.0
+    few, many = (
+        pose_skin_varying(make_body(replace(anatomy, deformer_weights=w)), theta, with_shape=True)
+        for w in (weights, np.maximum(weights, 1e-30))
+    )
+    np.testing.assert_allclose(few.value, many.value, atol=1e-15)
+    np.testing.assert_allclose(few.d, many.d, atol=1e-15)
+
+
+def test_poses_and_bodies_asked_for_in_turn_do_not_mix(anatomy: Anatomy, body: Body, theta: np.ndarray) -> None:
+    other, changed = make_body(anatomy), theta.copy()
+    alone = [
+        pose_skin(make_body(anatomy, shape=b.shape, v_hat=b.v_hat), t)
+        for b in (body, other)
+        for t in (theta, theta + 0.1)
+    ]
+    changed += 0.1  # in place: a pose is known by its numbers
+    for _ in range(2):
+        in_turn = [pose_skin(b, t) for b in (body, other) for t in (theta, changed)]
+        np.testing.assert_array_equal(in_turn, alone)
+    np.testing.assert_array_equal(
+        pose_skin(body, np.zeros(len(theta), dtype=int)), pose_skin(body, np.zeros(len(theta)))
     )
 
 

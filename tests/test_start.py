@@ -8,7 +8,7 @@ import pytest
 import adapt.fit.start as start
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
-from adapt.fit.score import attached_share, score_pose, void_share
+from adapt.fit.score import attached_share, find_skin, score_pose, void_share
 from adapt.fit.slender import slender_parts
 from adapt.fit.start import find_pose, locate, try_pose
 from adapt.model.body import joint_centres, pose_skin
@@ -53,6 +53,12 @@ def test_the_true_pose_scores_better_than_wrong_ones(limb, searched, sample):
     for wrong in (turned_about(limb, np.pi), elbow_off(limb, np.deg2rad(40.0))):
         held = fit_pose(body, target, wrong, sample, updates=0)
         assert score_pose(body, target, held, sample).badness_m > 1.5 * searched.badness_m
+
+
+def test_a_limb_that_is_followed_is_judged_by_the_same_measures(limb, searched, sample):
+    body, target = limb.subject.body, limb.targets[FRAME]
+    found, score = find_skin(body, target, searched.fit.theta, sample), score_pose(body, target, searched.fit, sample)
+    assert (found.skin_m, found.coverage) == (score.skin_m, score.coverage)
 
 
 def turned_about(limb, angle):

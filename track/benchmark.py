@@ -24,9 +24,10 @@ from rich.table import Table
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import adapt_body
 from adapt.fit.correspondences import Target, find_corres
-from adapt.fit.least_squares import Quadratic, data_term, levenberg_marquardt
-from adapt.fit.pose import match_pose
+from adapt.fit.least_squares import data_term, levenberg_marquardt
+from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
+from adapt.fit.score import find_skin
 from adapt.model.body import make_body, pose_skin, pose_skin_varying
 from adapt.subject import Subject, load_subject
 from capture.calibrate import calibrate_recording
@@ -38,7 +39,7 @@ from capture.recording import Instant, Recording, instants, open_recording, read
 from capture.rigid import apply, exp_so3, inverse, log_so3
 from track.demo import SAMPLE
 from track.evaluate import read_truth, world_from_common
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker, pose_covariance
 
 FRAME_TARGET_S = 0.150
 ADAPTATION_TARGET_S = 180.0  # of six poses
@@ -93,13 +94,13 @@ def frame_timings(bench: _Bench) -> list[Timing]:
     matches = match_pose(body, bench.target, theta, sample, gate_m=0.02)
     chosen, weights = matches.vertex, sample.observations[matches.vertex]
     varying = pose_skin_varying(body, theta, vertices=chosen)
+    fit = PoseFit(theta, matches, matches.distance)
     region = region_of_interest(bench.recording)
 
-    def energy(pose: Floats) -> Quadratic:
-        return data_term(pose_skin_varying(body, pose, vertices=chosen), matches, weights)
-
     def update() -> None:
-        match_pose(body, bench.target, levenberg_marquardt(energy, bench.state.theta, steps=1), sample, gate_m=0.02)
+        cost = PoseEnergy(body, matches, weights, None)
+        moved = levenberg_marquardt(cost.quadratic, bench.state.theta, steps=1, energy=cost.value)
+        match_pose(body, bench.target, moved, sample, gate_m=0.02)
 
     def whole() -> None:
         target = Target(fuse(bench.recording, bench.moment, region=region))
@@ -110,17 +111,17 @@ def frame_timings(bench: _Bench) -> list[Timing]:
         bench.time(f"read and clean {views} depth images", lambda: read_and_clean(bench.recording, bench.moment)),
         bench.time("fuse, reading included", lambda: fuse(bench.recording, bench.moment, region=region)),
         bench.time(f"pose_skin, {whole_skin} vertices", lambda: pose_skin(body, theta)),
-        bench.time("pose_skin_varying, theta", lambda: pose_skin_varying(body, theta)),
-        bench.time(
-            "pose_skin_varying, theta and shape",
-            lambda: pose_skin_varying(body, theta, with_shape=True),
-        ),
+        bench.time(f"normals, {len(sample.vertices)} vertices", lambda: sample.normals(skin)),
+        bench.time(f"pose_skin, {few} matches", lambda: pose_skin(body, theta, vertices=chosen)),
+        bench.time(f"pose_skin_varying, theta, {few} matches", lambda: pose_skin_varying(body, theta, vertices=chosen)),
         bench.time(
             f"find_corres, {len(sample.vertices)} vertices",
             lambda: find_corres(bench.target, skin, normals, sample.vertices),
         ),
         bench.time(f"data_term of the pose, {few} matches", lambda: data_term(varying, matches, weights)),
         bench.time("one pose update (LM step, matches)", update),
+        bench.time("judge: find_skin", lambda: find_skin(body, bench.target, theta, sample)),
+        bench.time("judge: pose_covariance", lambda: pose_covariance(bench.tracker.subject, fit, sample)),
         bench.time("whole frame: fuse, follow, judge", whole, target_s=FRAME_TARGET_S),
     ]
 

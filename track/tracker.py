@@ -13,10 +13,10 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
-from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
+from adapt.fit.least_squares import SIGMA_M, data_term
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import ScoredPose, score_pose
+from adapt.fit.score import FoundSkin, find_skin
 from adapt.fit.start import locate
 from adapt.model.body import pose_skin_varying
 from adapt.subject import Subject
@@ -72,7 +72,7 @@ class Tracker:
             start = locate(self.subject.body, target, self.sample, list(self.subject.thetas))
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), None
-        frame = self._judge(start, time_s)
+        frame = self._judge(start.fit, FoundSkin(start.skin_m, start.coverage), time_s)
         return frame, None if frame.lost else TrackerState(time_s, frame.theta, np.zeros_like(frame.theta))
 
     def follow(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
@@ -98,7 +98,7 @@ class Tracker:
             )
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), state
-        frame = self._judge(score_pose(self.subject.body, target, fit, self.sample), time_s)
+        frame = self._judge(fit, find_skin(self.subject.body, target, fit.theta, self.sample), time_s)
         if frame.lost:
             return frame, state
         elapsed = time_s - state.time_s
@@ -109,18 +109,17 @@ class Tracker:
         """A frame that cannot even be looked at."""
         return _lost(self.subject.anatomy, time_s, reason)
 
-    def _judge(self, score: ScoredPose, time_s: float) -> TrackedFrame:
-        fit = score.fit
+    def _judge(self, fit: PoseFit, found: FoundSkin, time_s: float) -> TrackedFrame:
         lost = ""
-        if score.coverage < LEAST_COVERAGE:
-            lost = f"only {100 * score.coverage:.0f} % of the skin that should show was found"
+        if found.coverage < LEAST_COVERAGE:
+            lost = f"only {100 * found.coverage:.0f} % of the skin that should show was found"
         elif fit.residual_m > LARGEST_RESIDUAL_M:
             lost = f"skin and cloud are {1e3 * fit.residual_m:.1f} mm apart"
-        elif score.skin_m > LARGEST_SKIN_M:
-            lost = f"the skin that should show is {1e3 * score.skin_m:.1f} mm from the cloud"
+        elif found.skin_m > LARGEST_SKIN_M:
+            lost = f"the skin that should show is {1e3 * found.skin_m:.1f} mm from the cloud"
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
         covariance = pose_covariance(self.subject, fit, self.sample)
-        return TrackedFrame(time_s, theta, covariance, fit.residual_m, score.coverage, len(fit.matches), lost)
+        return TrackedFrame(time_s, theta, covariance, fit.residual_m, found.coverage, len(fit.matches), lost)
 
 
 def make_tracker(subject: Subject) -> Tracker:
@@ -163,14 +162,10 @@ def pose_covariance(subject: Subject, fit: PoseFit, sample: SkinSample) -> Float
     """
     n = len(fit.theta)
     index = fit.matches.vertex
-    skin = pose_skin_varying(subject.body, fit.theta, with_shape=True, vertices=index)
-    scale = sample.observations[index][:, None, None] / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2)
-    along = np.matmul(fit.matches.normal[:, None, :], skin.d)
-    rows, points = along.reshape(len(index), -1), skin.d
-    hessian = rows.T @ (PLANE_WEIGHT * scale[:, :, 0] * rows)
-    hessian += np.tensordot(points, scale * points, axes=((0, 1), (0, 1)))
-    noise = np.linalg.inv(hessian[:n, :n] + 1e-6 * np.eye(n))
     weights = sample.observations[index]
+    skin = pose_skin_varying(subject.body, fit.theta, with_shape=True, vertices=index)
+    hessian = data_term(skin, fit.matches, weights).hessian
+    noise = np.linalg.inv(hessian[:n, :n] + 1e-6 * np.eye(n))
     misfit = float(np.average(fit.distances**2, weights=weights)) / SIGMA_M**2
     lever = noise @ hessian[:n, n:]
     return np.asarray(max(misfit, 0.05) * noise + lever @ subject.covariance @ lever.T)

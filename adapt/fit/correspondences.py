@@ -65,10 +65,11 @@ def visible_from(view: View, vertices: Floats, normals: Floats) -> NDArray[np.bo
     """
     sensor = view.world_from_sensor[:3, 3]
     sight = sensor - vertices
-    facing = np.einsum("ij,ij->i", normals, sight) > _FACING * np.linalg.norm(sight, axis=1)
-    measured, z, inside = depth_at(view, vertices)
+    visible = np.einsum("ij,ij->i", normals, sight) > _FACING * np.linalg.norm(sight, axis=1)
+    measured, z, inside = depth_at(view, vertices[visible])
     hidden = (measured > 0.0) & (measured < z - _OCCLUDED_M)
-    return np.asarray(facing & inside & ~hidden)
+    visible[visible] = inside & ~hidden
+    return np.asarray(visible)
 
 
 def depth_at(view: View, points: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:

@@ -32,21 +32,34 @@ class Quadratic:
 def data_term(skin: Points, matches: Correspondences, weights: Floats) -> Quadratic:
     """Energy of matched skin points (the M matched vertices, in order, with derivatives (M, 3, n)).
 
-    0.5 sum_i w_i [10 (n_i . (v_i - t_i))^2 + |v_i - t_i|^2] / (11 sigma^2), with w_i (M,) the number of
-    independent observations that the vertex stands for.
+    0.5 sum_i w_i [P (n_i . (v_i - t_i))^2 + |v_i - t_i|^2] / ((P + 1) sigma^2), with P the plane's weight and w_i
+    (M,) the number of independent observations that the vertex stands for.
     """
-    scale = np.sqrt(weights / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2))
-    difference = skin.value - matches.target
-    along = np.sqrt(PLANE_WEIGHT) * scale
-    plane_residual = along * np.einsum("ij,ij->i", matches.normal, difference)
-    plane_rows = along[:, None] * np.matmul(matches.normal[:, None, :], skin.d)[:, 0]
-    point_residual = (scale[:, None] * difference).ravel()
-    point_rows = (scale[:, None, None] * skin.d).reshape(len(point_residual), -1)
+    scale, residual = _data_residual(skin.value, matches, weights)
+    n = skin.d.shape[2]
+    across = (scale[:, None, None] * skin.d).reshape(-1, n)
+    along = np.sqrt(PLANE_WEIGHT) * np.matmul(matches.normal[:, None, :], across.reshape(-1, 3, n))[:, 0]
+    point, plane = residual[:, :3].ravel(), residual[:, 3]
     return Quadratic(
-        0.5 * float(plane_residual @ plane_residual + point_residual @ point_residual),
-        plane_rows.T @ plane_residual + point_rows.T @ point_residual,
-        plane_rows.T @ plane_rows + point_rows.T @ point_rows,
+        0.5 * float(np.vdot(residual, residual)),
+        across.T @ point + along.T @ plane,
+        across.T @ across + along.T @ along,
     )
+
+
+def data_energy(skin: Floats, matches: Correspondences, weights: Floats) -> float:
+    """The energy of ``data_term`` alone, for matched skin points (M, 3)."""
+    _, residual = _data_residual(skin, matches, weights)
+    return 0.5 * float(np.vdot(residual, residual))
+
+
+def _data_residual(skin: Floats, matches: Correspondences, weights: Floats) -> tuple[Floats, Floats]:
+    """The scale (M,) of each match, and its residuals (M, 4): between the points (3), then along the normal (1)."""
+    scale = np.sqrt(weights / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2))
+    residual = np.zeros((len(skin), 4))
+    residual[:, :3] = scale[:, None] * (skin - matches.target)
+    residual[:, 3] = np.sqrt(PLANE_WEIGHT) * np.einsum("ij,ij->i", matches.normal, residual[:, :3])
+    return scale, residual
 
 
 def gaussian_term(x: Floats, mean: Floats, precision: Floats) -> Quadratic:
@@ -56,23 +69,30 @@ def gaussian_term(x: Floats, mean: Floats, precision: Floats) -> Quadratic:
 
 
 def levenberg_marquardt(
-    evaluate: Callable[[Floats], Quadratic], start: Floats, *, steps: int = 5, tolerance: float = 1e-4
+    evaluate: Callable[[Floats], Quadratic],
+    start: Floats,
+    *,
+    steps: int = 5,
+    tolerance: float = 1e-4,
+    energy: Callable[[Floats], float] | None = None,
 ) -> Floats:
     """Minimise a sum of squares from ``start`` (n,) in at most ``steps`` steps that lower it.
 
     A refused step only raises the damping. Stops early when a step lowers the energy by less than the fraction
-    ``tolerance``, or when no damping helps any more.
+    ``tolerance``, or when no damping helps any more. Where the ``energy`` alone is cheaper than ``evaluate``, it
+    judges the steps, and derivatives are worked out only where a step starts.
     """
     x, here, damping, taken, refused = start, evaluate(start), 1e-4, 0, 0
     while taken < steps and refused < _MOST_REFUSED:
         diagonal = np.maximum(np.diag(here.hessian), 1e-9)
         candidate = x - np.linalg.solve(here.hessian + damping * np.diag(diagonal), here.gradient)
-        there = evaluate(candidate)
-        if there.energy >= here.energy:
+        there = evaluate(candidate) if energy is None else energy(candidate)
+        gain = here.energy - (there.energy if isinstance(there, Quadratic) else there)
+        if gain <= 0.0:
             damping, refused = 10.0 * damping, refused + 1
             continue
-        gain = here.energy - there.energy
-        x, here, damping, taken, refused = candidate, there, damping / 5.0, taken + 1, 0
-        if gain < tolerance * here.energy:
+        x, damping, taken, refused = candidate, damping / 5.0, taken + 1, 0
+        if gain < tolerance * here.energy or taken == steps:
             break
+        here = there if isinstance(there, Quadratic) else evaluate(x)
     return x

@@ -8,7 +8,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres
-from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
+from adapt.fit.least_squares import Quadratic, data_energy, data_term, gaussian_term, levenberg_marquardt
 from adapt.fit.priors import range_term
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin, pose_skin_varying
@@ -34,12 +34,35 @@ class PoseFit:
     theta: Floats
     matches: Correspondences = field(repr=False)
     distances: Floats = field(repr=False)
-    data_hessian: Floats = field(repr=False)  # (n, n) of the data alone, at theta
 
     @property
     def residual_m(self) -> float:
         """Median distance between skin and cloud over the matched vertices."""
         return float(np.median(np.abs(self.distances)))
+
+
+@dataclass(frozen=True)
+class PoseEnergy:
+    """What a pose costs for given matches: the data, the joint ranges and, if there is one, the prior."""
+
+    body: Body
+    matches: Correspondences
+    weights: Floats  # (M,) of the matches
+    prior: GaussianPose | None
+
+    def quadratic(self, theta: Floats) -> Quadratic:
+        """The cost (n parameters) with its derivatives."""
+        skin = pose_skin_varying(self.body, theta, vertices=self.matches.vertex)
+        return data_term(skin, self.matches, self.weights) + self._expected(theta)
+
+    def value(self, theta: Floats) -> float:
+        """The cost alone."""
+        skin = pose_skin(self.body, theta, vertices=self.matches.vertex)
+        return data_energy(skin, self.matches, self.weights) + self._expected(theta).energy
+
+    def _expected(self, theta: Floats) -> Quadratic:
+        limits = range_term(self.body.anatomy, theta)
+        return limits if self.prior is None else limits + gaussian_term(theta, self.prior.mean, self.prior.precision)
 
 
 def fit_pose(
@@ -64,14 +87,13 @@ def fit_pose(
     matches = match_pose(body, target, theta, sample, gate_m=gate_m)
     for _ in range(updates):
         before = theta
-        theta = levenberg_marquardt(_energy(body, matches, sample, prior), theta, steps=steps)
+        energy = PoseEnergy(body, matches, sample.observations[matches.vertex], prior)
+        theta = levenberg_marquardt(energy.quadratic, theta, steps=steps, energy=energy.value)
         matches = match_pose(body, target, theta, sample, gate_m=next_gate(matches, gate_m))
         if np.abs(theta - before).max() < _STILL_RAD_OR_M:
             break
     theta = wrap(body.anatomy, theta)  # only now: inside the loop it would leave the prior's mean a turn away
-    skin = pose_skin_varying(body, theta, vertices=matches.vertex)
-    hessian = data_term(skin, matches, sample.observations[matches.vertex]).hessian
-    return PoseFit(theta, matches, matches.distance, hessian)
+    return PoseFit(theta, matches, matches.distance)
 
 
 def match_pose(body: Body, target: Target, theta: Floats, sample: SkinSample, *, gate_m: float) -> Correspondences:
@@ -101,14 +123,3 @@ def wrap(anatomy: Anatomy, theta: Floats) -> Floats:
             if angle > np.pi:
                 wrapped[index] *= 1.0 - 2.0 * np.pi / angle
     return wrapped
-
-
-def _energy(body: Body, matches: Correspondences, sample: SkinSample, prior: GaussianPose | None):  # type: ignore[no-untyped-def]
-    weights = sample.observations[matches.vertex]
-
-    def evaluate(theta: Floats) -> Quadratic:
-        skin = pose_skin_varying(body, theta, vertices=matches.vertex)
-        total = data_term(skin, matches, weights) + range_term(body.anatomy, theta)
-        return total if prior is None else total + gaussian_term(theta, prior.mean, prior.precision)
-
-    return evaluate

@@ -25,12 +25,14 @@ class SkinSample:
 
     vertices: Ints
     observations: Floats  # (V,)
-    faces: Ints = field(repr=False)
-    onto_vertices: sparse.csr_matrix = field(repr=False)
+    faces: Ints = field(repr=False)  # (F, 3): those that touch the eligible vertices
+    onto_vertices: sparse.csr_matrix = field(repr=False)  # (M, F)
 
     def normals(self, skin: Floats) -> Floats:
-        """Unit normals (V, 3) of the posed skin (V, 3)."""
-        return vertex_normals(skin, self.faces, self.onto_vertices)
+        """Unit normals (V, 3) of the posed skin (V, 3) at the eligible vertices, zero elsewhere."""
+        normals = np.zeros_like(skin)
+        normals[self.vertices] = vertex_normals(skin, self.faces, self.onto_vertices)
+        return normals
 
 
 def weighted_by_tissue(sample: SkinSample, anatomy: Anatomy) -> SkinSample:
@@ -56,4 +58,5 @@ def sample_skin(anatomy: Anatomy, *, at_most: int | None = None, seed: int = 0) 
         spread = anatomy.fit_weight[eligible]
         observations = np.zeros(n)
         observations[eligible] = spread * total / spread.sum()
-    return SkinSample(eligible, observations, faces, incidence(faces, n))
+    touching = faces[np.isin(faces, eligible).any(axis=1)]
+    return SkinSample(eligible, observations, touching, incidence(touching, n)[eligible])

@@ -27,6 +27,14 @@ _OUTLINE = 0.35  # cosine between normal and line of sight below which skin belo
 
 
 @dataclass(frozen=True)
+class FoundSkin:
+    """Of the skin that should show: its mean distance to the cloud (m), and the share of it that is found there."""
+
+    skin_m: float
+    coverage: float
+
+
+@dataclass(frozen=True)
 class ScoredPose:
     """A pose with how badly it explains the cloud (m): skin without points, points without skin, and what else jars.
 
@@ -54,16 +62,29 @@ def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> 
     skin = pose_skin(body, fit.theta)
     points, normals = skin[sample.vertices], sample.normals(skin)[sample.vertices]
     weight = sample.observations[sample.vertices]
-    distance, should_show = _distance_if_visible(target, points, normals)
-    shown = weight * should_show
-    skin_m = float(np.average(distance, weights=shown)) if shown.any() else FAR_M
-    coverage = float(np.average(distance < 0.5 * FAR_M, weights=shown)) if shown.any() else 0.0
+    found = _found(target, points, normals, weight)
     tree = cKDTree(skin[:: max(1, len(skin) // 2000)])
     unexplained, _ = tree.query(target.cloud.points[:: max(1, len(target.cloud.points) // 500)])
     cloud_m = float(np.minimum(unexplained, FAR_M).mean())
     attached = float(attached_share(target.cloud, points[None], normals[None], weight)[0])
-    void = float(void_share(target.cloud, skin[None], vertex_areas(skin, sample.faces))[0])
-    return ScoredPose(fit, skin_m, cloud_m, coverage, attached, void)
+    void = float(void_share(target.cloud, skin[None], vertex_areas(skin, body.anatomy.skin_faces))[0])
+    return ScoredPose(fit, found.skin_m, cloud_m, found.coverage, attached, void)
+
+
+def find_skin(body: Body, target: Target, theta: Floats, sample: SkinSample) -> FoundSkin:
+    """The part of ``score_pose`` that tells whether a limb that is being followed is lost."""
+    skin = pose_skin(body, theta)
+    points, normals = skin[sample.vertices], sample.normals(skin)[sample.vertices]
+    return _found(target, points, normals, sample.observations[sample.vertices])
+
+
+def _found(target: Target, points: Floats, normals: Floats, weights: Floats) -> FoundSkin:
+    distance, should_show = _distance_if_visible(target, points, normals)
+    shown = weights * should_show
+    if not shown.any():
+        return FoundSkin(FAR_M, 0.0)
+    near = distance < 0.5 * FAR_M
+    return FoundSkin(float(np.average(distance, weights=shown)), float(np.average(near, weights=shown)))
 
 
 def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Floats) -> Floats:

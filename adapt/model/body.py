@@ -5,18 +5,18 @@ v_i(theta, a, v_hat) = sum_d w_{d,i} D_d(theta, p(a), v_tilde_i(a, v_hat)).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.model.deformers import deform_by
+from adapt.model.deformers import Bound, bind, carry
 from adapt.model.frames import frame_from_landmarks, landmark_mean
 from adapt.model.handles import AffineSet, affine_set, deform, deform_varying, handle_positions, local_scale
 from adapt.model.kinematics import bone_motions
-from adapt.model.variation import Motion, Points, constant_points
+from adapt.model.variation import Motion, Points, constant_points, still_points
 from capture.errors import AnatomyError
 from capture.rigid import log_so3
 
@@ -48,6 +48,12 @@ class Body:
     def p(self) -> Points:
         """Landmarks (P, 3), varying with the shape."""
         return self._deformed(self.anatomy.landmarks, self.anatomy.landmark_handle_weights)
+
+    @cached_property
+    def bound_skin(self) -> tuple[Bound, ...]:
+        """The whole rest skin bound to each deformer, as it is when only the pose varies."""
+        p, skin = constant_points(self.p.value, 1), still_points(self.v_tilde.value)
+        return tuple(bind(self.anatomy, deformer, p, skin) for deformer in self.anatomy.deformers)
 
     @cached_property
     def rest_bones(self) -> dict[str, Floats]:
@@ -89,20 +95,18 @@ def rest_theta(body: Body) -> Floats:
 
 def pose_skin(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Floats:
     """Posed skin v (V, 3) in metres, or only some ``vertices`` of it."""
-    p = constant_points(body.p.value, len(theta))
-    motions = bone_motions(body.anatomy, theta, p)
-    still = {name: _without_derivative(motion) for name, motion in motions.items()}
-    points = constant_points(_pick(body.v_tilde.value, vertices), 0)
-    return _blend(body.anatomy, still, constant_points(p.value, 0), points, vertices).value
+    return _blend(body.anatomy, _still_motions(body, theta), _bound(body, vertices), vertices, columns=0).value
 
 
 def pose_skin_varying(body: Body, theta: Floats, *, with_shape: bool = False, vertices: Ints | None = None) -> Points:
     """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (last columns)."""
-    spare = len(body.shape) if with_shape else 0
-    p, skin = (_with_theta_columns(points, len(theta), spare) for points in (body.p, body.v_tilde))
-    motions = bone_motions(body.anatomy, theta, p)
-    skin = Points(_pick(skin.value, vertices), _pick(skin.d, vertices))
-    return _blend(body.anatomy, motions, p, skin, vertices)
+    if not with_shape:
+        motions = _motions(body, theta)
+        return _blend(body.anatomy, motions, _bound(body, vertices), vertices, columns=len(theta))
+    skin = body.v_tilde if vertices is None else body.v_tilde.at(vertices)
+    p, skin = (_after_theta(points, len(theta)) for points in (body.p, skin))
+    bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
+    return _blend(body.anatomy, bone_motions(body.anatomy, theta, p), bound, vertices, columns=p.n)
 
 
 def pose_skin_by_v_hat(body: Body, theta: Floats) -> Points:
@@ -111,16 +115,14 @@ def pose_skin_by_v_hat(body: Body, theta: Floats) -> Points:
     A vertex does not depend on any other vertex of v_hat.
     """
     scale = local_scale(body.anatomy.skin_handle_weights, body.a)
-    skin = Points(body.v_tilde.value, scale[:, None, None] * np.eye(3))
-    motions = bone_motions(body.anatomy, theta, constant_points(body.p.value, len(theta)))
-    still = {name: _without_derivative(motion, columns=3) for name, motion in motions.items()}
-    return _blend(body.anatomy, still, constant_points(body.p.value, 3), skin, None)
+    skin, p = Points(body.v_tilde.value, scale[:, None, None] * np.eye(3)), constant_points(body.p.value, 3)
+    bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
+    return _blend(body.anatomy, _still_motions(body, theta, columns=3), bound, None, columns=3)
 
 
 def bone_transforms(body: Body, theta: Floats) -> dict[str, Floats]:
     """T_b(theta) (4, 4) of every bone: from its rest pose to its pose."""
-    motions = bone_motions(body.anatomy, theta, constant_points(body.p.value, len(theta)))
-    return {name: motion.matrix() for name, motion in motions.items()}
+    return {name: motion.matrix() for name, motion in _motions(body, theta).items()}
 
 
 def bone_frames(body: Body, theta: Floats) -> dict[str, Floats]:
@@ -149,29 +151,54 @@ def joint_centres(body: Body, theta: Floats) -> dict[str, Floats]:
     return centres
 
 
-def _blend(anatomy: Anatomy, motions: Mapping[str, Motion], p: Points, skin: Points, vertices: Ints | None) -> Points:
-    """Equation 3; a deformer is evaluated only where it has weight."""
-    weights = _pick(anatomy.deformer_weights, vertices)
-    value, d = np.zeros_like(skin.value), np.zeros_like(skin.d)
-    for column, deformer in enumerate(anatomy.deformers):
-        touched = np.flatnonzero(weights[:, column])
-        share = weights[touched, column]
-        moved = deform_by(anatomy, deformer, motions, p, Points(skin.value[touched], skin.d[touched]))
-        value[touched] += share[:, None] * moved.value
-        d[touched] += share[:, None, None] * moved.d
+def _blend(
+    anatomy: Anatomy,
+    motions: Mapping[str, Motion],
+    bound: Sequence[Bound],
+    vertices: Ints | None,
+    *,
+    columns: int,
+) -> Points:
+    """Equation 3 for some vertices, with so many columns of derivatives."""
+    weights = anatomy.deformer_weights if vertices is None else anatomy.deformer_weights[vertices]
+    value, d = np.zeros((len(weights), 3)), np.zeros((len(weights), 3, columns))
+    for deformer, skin, share in zip(anatomy.deformers, bound, weights.T, strict=True):
+        rows = _touched(share)
+        moved = carry(deformer, skin.at(rows), motions)
+        value[rows] += share[rows, None] * moved.value
+        d[rows] += share[rows, None, None] * moved.d
     return Points(value, d)
 
 
-def _with_theta_columns(points: Points, n_theta: int, n_shape: int) -> Points:
-    d = np.zeros((*points.value.shape, n_theta + n_shape))
-    if n_shape:
-        d[:, :, n_theta:] = points.d
-    return Points(points.value, d)
+def _touched(share: Floats) -> Ints | slice:
+    """Where a deformer has weight (N,); everywhere if that is mostly so, because picking costs more than it saves."""
+    rows = np.flatnonzero(share)
+    return rows if len(rows) < 0.5 * len(share) else slice(None)
 
 
-def _without_derivative(motion: Motion, columns: int = 0) -> Motion:
-    return Motion(motion.rotation, motion.translation, np.zeros((3, columns)), np.zeros((3, columns)))
+def _bound(body: Body, vertices: Ints | None) -> Sequence[Bound]:
+    return body.bound_skin if vertices is None else [bound.at(vertices) for bound in body.bound_skin]
 
 
-def _pick(array: Floats, vertices: Ints | None) -> Floats:
-    return array if vertices is None else array[vertices]
+def _after_theta(points: Points, n_theta: int) -> Points:
+    """The same points with the (zero) columns of theta before the shape's."""
+    return Points(points.value, np.concatenate([np.zeros((*points.value.shape, n_theta)), points.d], axis=2))
+
+
+def _motions(body: Body, theta: Floats) -> Mapping[str, Motion]:
+    """T_b of every bone, varying with theta."""
+    return _kept_motions(body, np.asarray(theta, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=4)
+def _kept_motions(body: Body, theta: bytes) -> Mapping[str, Motion]:
+    """They are kept a while because a pose is asked for several things in a row: matches, derivatives, bones."""
+    pose = np.frombuffer(theta)
+    return bone_motions(body.anatomy, pose, constant_points(body.p.value, len(pose)))
+
+
+def _still_motions(body: Body, theta: Floats, *, columns: int = 0) -> dict[str, Motion]:
+    """The same with so many columns of zeros for derivatives."""
+    none = np.zeros((3, columns))
+    motions = _motions(body, theta)
+    return {name: Motion(motion.rotation, motion.translation, none, none) for name, motion in motions.items()}

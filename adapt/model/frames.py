@@ -6,12 +6,13 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
 from adapt.model.variation import Motion, Points
+from capture.rigid import hat
 
 
 def landmark_mean(anatomy: Anatomy, p: Points, names: tuple[str, ...]) -> tuple[Floats, Floats]:
     """Mean of some landmarks: the point (3,) and its derivative (3, n)."""
     index = [anatomy.landmark_index(name) for name in names]
-    return p.value[index].mean(axis=0), p.d[index].mean(axis=0)
+    return p.value[index].sum(axis=0) / len(index), p.d[index].sum(axis=0) / len(index)
 
 
 def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
@@ -24,18 +25,19 @@ def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
     w, dw = _difference(anatomy, p, frame.z_from, frame.z_to)
     y, dy = unit(u, du)
     across = w - (w @ y) * y
-    z = across / np.linalg.norm(across)
-    x = np.cross(y, z)
-    about_y = (x @ dw - (w @ y) * (x @ dy)) / np.linalg.norm(across)
-    d_rotation = np.cross(y, dy, axisb=0, axisc=0) + np.outer(y, about_y)
+    length, k = np.sqrt(across @ across), hat(y)
+    z = across / length
+    x = k @ z
+    about_y = (x @ dw - (w @ y) * (x @ dy)) / length
+    d_rotation = k @ dy + y[:, None] * about_y
     return Motion(np.column_stack([x, y, z]), origin, d_rotation, d_origin)
 
 
 def unit(u: Floats, du: Floats) -> tuple[Floats, Floats]:
     """u / |u| (3,) and its derivative (3, n)."""
-    length = np.linalg.norm(u)
+    length = np.sqrt(u @ u)
     direction = u / length
-    return direction, (du - np.outer(direction, direction @ du)) / length
+    return direction, (du - direction[:, None] * (direction @ du)) / length
 
 
 def _difference(anatomy: Anatomy, p: Points, start: tuple[str, ...], end: tuple[str, ...]) -> tuple[Floats, Floats]:

@@ -15,14 +15,20 @@ def incidence(faces: Ints, n_vertices: int) -> sparse.csr_matrix:
 
 
 def vertex_normals(vertices: Floats, faces: Ints, onto_vertices: sparse.csr_matrix) -> Floats:
-    """Unit normals (V, 3), outward for outward faces, weighted by area."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    summed = onto_vertices @ np.cross(b - a, c - a)
-    return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12))
+    """Unit normals, outward for outward faces, weighted by area: one for each row of ``onto_vertices`` (M, F)."""
+    summed = onto_vertices @ _doubled_areas(vertices, faces)
+    length = np.sqrt(np.einsum("ij,ij->i", summed, summed))
+    return np.asarray(summed / np.maximum(length, 1e-12)[:, None])
 
 
 def vertex_areas(vertices: Floats, faces: Ints) -> Floats:
     """Area (V,) in m^2 that each vertex stands for: a third of its triangles."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    areas = np.linalg.norm(_doubled_areas(vertices, faces), axis=1) / 6.0
     return np.asarray(np.bincount(faces.ravel(), np.repeat(areas, 3), minlength=len(vertices)), dtype=np.float64)
+
+
+def _doubled_areas(vertices: Floats, faces: Ints) -> Floats:
+    """The cross product (F, 3) of two sides of each face; ``np.cross`` takes several times as long."""
+    a, b, c = (vertices.take(corner, axis=0) for corner in faces.T)
+    (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)

@@ -10,13 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapt.anatomy import Floats
+from adapt.anatomy import Floats, Ints
 from capture.rigid import hat
 
 
 @dataclass(frozen=True)
 class Points:
-    """N points (N, 3) in metres and their derivative d (N, 3, n)."""
+    """N points (N, 3) in metres and their derivative d (N, 3, n).
+
+    Points that all vary alike may share one derivative, (1, 3, n); see ``still_points``.
+    """
 
     value: Floats
     d: Floats
@@ -25,6 +28,15 @@ class Points:
     def n(self) -> int:
         """How many parameters the points vary with."""
         return int(self.d.shape[-1])
+
+    @property
+    def still(self) -> bool:
+        """Whether the points are known to vary with nothing."""
+        return len(self.d) == 1 and not self.d.any()
+
+    def at(self, index: Ints | slice) -> Points:
+        """Some of the points."""
+        return Points(self.value[index], self.d if len(self.d) == 1 else self.d[index])
 
 
 @dataclass(frozen=True)
@@ -35,6 +47,11 @@ class Motion:
     translation: Floats
     d_rotation: Floats
     d_translation: Floats
+
+    @property
+    def n(self) -> int:
+        """How many parameters the motion varies with."""
+        return int(self.d_rotation.shape[1])
 
     def matrix(self) -> Floats:
         """The motion as a (4, 4) transform."""
@@ -48,9 +65,14 @@ def constant_points(value: Floats, n: int) -> Points:
     return Points(value, np.zeros((*value.shape, n)))
 
 
-def identity_motion(n: int) -> Motion:
-    """The motion that leaves everything where it is."""
-    return Motion(np.eye(3), np.zeros(3), np.zeros((3, n)), np.zeros((3, n)))
+def still_points(value: Floats) -> Points:
+    """Points (N, 3) that vary with nothing: their one column of zeros broadcasts against any number of columns."""
+    return Points(value, np.zeros((1, 3, 1)))
+
+
+def mere_points(value: Floats) -> Points:
+    """Points (N, 3) of which no derivative is asked for: it has no columns."""
+    return Points(value, np.zeros((*value.shape, 0)))
 
 
 def compose(outer: Motion, inner: Motion) -> Motion:
@@ -78,13 +100,11 @@ def invert(motion: Motion) -> Motion:
 def move(motion: Motion, points: Points) -> Points:
     """Points carried by a motion: R x + t, derivative R dx + dt + d_rotation x (R x)."""
     turned = points.value @ motion.rotation.T
-    d = np.matmul(motion.rotation, points.d) + motion.d_translation
-    d += cross_columns(motion.d_rotation[None], turned[:, :, None])
+    if not motion.n:
+        return mere_points(turned + motion.translation)
+    # hat(-turned) d_rotation of all points at once: one large product is far faster than many small ones.
+    swing = hat(-turned).reshape(-1, 3) @ motion.d_rotation
+    d = swing.reshape(*turned.shape, motion.n) + motion.d_translation
+    if not points.still:
+        d += np.matmul(motion.rotation, points.d)
     return Points(turned + motion.translation, d)
-
-
-def cross_columns(left: Floats, right: Floats) -> Floats:
-    """Cross product along the axis before the last, with broadcasting: (..., 3, n) x (..., 3, m)."""
-    a, b, c = left[..., 0, :], left[..., 1, :], left[..., 2, :]
-    x, y, z = right[..., 0, :], right[..., 1, :], right[..., 2, :]
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-2)

@@ -1,18 +1,29 @@
-"""What moves the skin (paper, equation 3): one module per deformer type, chosen by name here."""
+"""What moves the skin (paper, equation 3): one module per deformer type, chosen by name here.
+
+A deformer first binds the skin at rest, once for a body, then carries what it bound, once for a pose.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from adapt.anatomy import Anatomy, Deformer
-from adapt.model.deformers.forearm import forearm
+from adapt.model.deformers.forearm import BoundForearm, bind_forearm, carry_forearm
 from adapt.model.deformers.rigid import rigid
 from adapt.model.variation import Motion, Points
 
+Bound = Points | BoundForearm
+"""Skin at rest, as its deformer wants it: both types know some of their points by ``at``."""
 
-def deform_by(anatomy: Anatomy, deformer: Deformer, motions: Mapping[str, Motion], p: Points, skin: Points) -> Points:
-    """D_d(theta, p, v_tilde): where the deformer carries each rest point of ``skin``."""
-    if deformer.type == "rigid":
-        return rigid(motions[deformer.bones[0]], skin)
-    proximal, distal = deformer.bones
-    return forearm(anatomy, deformer.frames, (motions[proximal], motions[distal]), p, skin)
+
+def bind(anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Bound:
+    """What a deformer has to know of rest points of ``skin`` and of the landmarks, whatever the pose."""
+    return skin if deformer.type == "rigid" else bind_forearm(anatomy, deformer.frames, p, skin)
+
+
+def carry(deformer: Deformer, bound: Bound, motions: Mapping[str, Motion]) -> Points:
+    """D_d(theta, p, v_tilde): where the deformer carries each bound point."""
+    if isinstance(bound, BoundForearm):
+        proximal, distal = deformer.bones
+        return carry_forearm(bound, (motions[proximal], motions[distal]))
+    return rigid(motions[deformer.bones[0]], bound)

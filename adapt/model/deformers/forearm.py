@@ -5,7 +5,8 @@ A proximal frame rides on the ulna, a distal one on the radius. Between them, at
 
     o(t) = (1 - t) o_p + t o_d,      R(t) = exp(t rho) R_p,   rho = log(R_d R_p^T)      (SLERP)
 
-and a point is carried by F_blend(theta, t) F_blend(rest, t)^-1, with its own t(v_tilde).
+and a point is carried by F_blend(theta, t) F_blend(rest, t)^-1, with its own t(v_tilde). What F_blend(rest, t)^-1
+makes of a point does not depend on the pose: it is worked out once for a body (``bind_forearm``).
 """
 
 from __future__ import annotations
@@ -14,25 +15,58 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.anatomy import Anatomy, Floats, Frame, Ints
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.variation import Motion, Points, compose, cross_columns
-from capture.rigid import exp_so3, left_jacobian_so3, log_so3
+from adapt.model.variation import Motion, Points, compose, mere_points, still_points
+from capture.rigid import hat, left_jacobian_so3, log_so3
 
 
-def forearm(
-    anatomy: Anatomy, frames: tuple[Frame, ...], motions: tuple[Motion, Motion], p: Points, skin: Points
-) -> Points:
-    """Skin points carried by the twisting forearm, with derivatives."""
-    rest = [frame_from_landmarks(anatomy, frame, p) for frame in frames]
-    posed = [compose(motion, frame) for motion, frame in zip(motions, rest, strict=True)]
-    t, dt = _along(rest[0], rest[1], skin)
-    before, after = _blend(rest[0], rest[1], t, dt), _blend(posed[0], posed[1], t, dt)
-    turn = after.rotation @ np.swapaxes(before.rotation, 1, 2)
-    arm = np.matmul(turn, (skin.value - before.origin)[:, :, None])
-    d_turn = after.d_rotation - np.matmul(turn, before.d_rotation)
-    d = np.matmul(turn, skin.d - before.d_origin) + after.d_origin + cross_columns(d_turn, arm)
-    return Points(arm[:, :, 0] + after.origin, d)
+@dataclass(frozen=True)
+class BoundForearm:
+    """Skin at rest in its blended frames, and the two frames at rest.
+
+    ``t`` (N,) is the ramp along the forearm and ``dt`` (N, n) its derivative, or (1, 1) where it does not vary;
+    ``local`` are the points' coordinates in the blended frames.
+    """
+
+    proximal: Motion
+    distal: Motion
+    t: Floats
+    dt: Floats
+    local: Points
+
+    def at(self, index: Ints | slice) -> BoundForearm:
+        """Some of the points."""
+        dt = self.dt if len(self.dt) == 1 else self.dt[index]
+        return BoundForearm(self.proximal, self.distal, self.t[index], dt, self.local.at(index))
+
+
+def bind_forearm(anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> BoundForearm:
+    """Skin points at rest in the frames that stand between the two, with derivatives."""
+    proximal, distal = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
+    t, dt = _along(proximal, distal, skin)
+    frame = _blend(proximal, distal, t, dt)
+    reach = skin.value - frame.origin
+    local = np.einsum("nji,nj->ni", frame.rotation, reach)
+    if skin.still and not p.d.any():  # then nothing varies at rest
+        return BoundForearm(proximal, distal, t, np.zeros((1, 1)), still_points(local))
+    moved = skin.d - frame.d_origin + np.matmul(hat(reach), frame.d_rotation)
+    d_local = np.matmul(np.swapaxes(frame.rotation, 1, 2), moved)
+    return BoundForearm(proximal, distal, t, dt, Points(local, d_local))
+
+
+def carry_forearm(bound: BoundForearm, motions: tuple[Motion, Motion]) -> Points:
+    """The bound points where the twisting forearm carries them, with derivatives."""
+    proximal, distal = compose(motions[0], bound.proximal), compose(motions[1], bound.distal)
+    frame = _blend(proximal, distal, bound.t, bound.dt)
+    arm = np.einsum("nij,nj->ni", frame.rotation, bound.local.value)
+    if not proximal.n:
+        return mere_points(arm + frame.origin)
+    d = np.matmul(hat(-arm), frame.d_rotation)
+    d += frame.d_origin
+    if not bound.local.still:
+        d += np.matmul(frame.rotation, bound.local.d)
+    return Points(arm + frame.origin, d)
 
 
 @dataclass(frozen=True)
@@ -57,15 +91,36 @@ def _along(proximal: Motion, distal: Motion, skin: Points) -> tuple[Floats, Floa
 
 
 def _blend(proximal: Motion, distal: Motion, t: Floats, dt: Floats) -> _Blended:
-    span, d_span = distal.translation - proximal.translation, distal.d_translation - proximal.d_translation
-    origin = proximal.translation + t[:, None] * span
-    d_origin = proximal.d_translation + t[:, None, None] * d_span + span[:, None] * dt[:, None, :]
+    """The frames at ``t`` (N,): all turn about the one axis rho, so each is a few numbers times fixed matrices.
 
-    between = distal.rotation @ proximal.rotation.T
-    rho = log_so3(between)
-    d_rho = np.linalg.solve(left_jacobian_so3(rho), distal.d_rotation - between @ proximal.d_rotation)
-    partway = exp_so3(t[:, None] * rho)
-    # d exp(t rho) = J_l(t rho) (t d_rho + rho dt), and J_l(t rho) rho = rho.
-    d_rotation = np.matmul(left_jacobian_so3(t[:, None] * rho), t[:, None, None] * d_rho)
-    d_rotation += rho[:, None] * dt[:, None, :] + np.matmul(partway, proximal.d_rotation)
-    return _Blended(origin, partway @ proximal.rotation, d_origin, d_rotation)
+    With K = hat(rho) / |rho| and x = t |rho|:  exp(t rho) = I + sin(x) K + (1 - cos(x)) K^2. The derivative of R(t)
+    is t J_l(t rho) d_rho + rho dt + exp(t rho) d_R_p, because J_l(t rho) rho = rho, with the left Jacobian
+    t J_l(t rho) = t I + (1 - cos(x)) / |rho| K + (t - sin(x) / |rho|) K^2.
+    """
+    rho = log_so3(distal.rotation @ proximal.rotation.T)
+    angle = np.sqrt(rho @ rho) or 1.0  # without a twist K is 0, and any angle will do
+    k = hat(rho) / angle
+    powers, sine, versine = np.array([np.eye(3), k, k @ k]), np.sin(angle * t), 1.0 - np.cos(angle * t)
+    slide, turn = np.array([np.ones_like(t), t]), np.array([np.ones_like(t), sine, versine])
+    span = distal.translation - proximal.translation
+    origin = _combined(slide, np.array([proximal.translation, span])[:, :, None])[:, :, 0]
+    rotation = _combined(turn, powers @ proximal.rotation)
+    if not proximal.n:
+        return _Blended(origin, rotation, *np.zeros((2, len(t), 3, 0)))
+
+    d_span = distal.d_translation - proximal.d_translation
+    d_between = distal.d_rotation - distal.rotation @ proximal.rotation.T @ proximal.d_rotation
+    d_rho = np.linalg.solve(left_jacobian_so3(rho), d_between)
+    swing = np.array([t, versine / angle, t - sine / angle])
+    d_origin = _combined(slide, np.array([proximal.d_translation, d_span]))
+    d_rotation = _combined(
+        np.concatenate([turn, swing]), np.concatenate([powers @ proximal.d_rotation, powers @ d_rho])
+    )
+    by_t = dt[:, None, :]
+    return _Blended(origin, rotation, d_origin + span[:, None] * by_t, d_rotation + rho[:, None] * by_t)
+
+
+def _combined(shares: Floats, matrices: Floats) -> Floats:
+    """For each column of ``shares`` (K, N) the sum (N, 3, n) of those shares of the ``matrices`` (K, 3, n)."""
+    combined = shares.T @ matrices.reshape(len(matrices), -1)
+    return np.asarray(combined.reshape(shares.shape[1], *matrices.shape[1:]))
