@@ -16,7 +16,7 @@ from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import SIGMA_M, data_term
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import FoundSkin, find_skin
+from adapt.fit.score import FoundSkin, find_skin, score_pose
 from adapt.fit.start import locate
 from adapt.model.body import pose_skin_varying
 from adapt.subject import Subject
@@ -30,6 +30,7 @@ _FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower tha
 _MEMORY_S = 0.25  # a velocity older than this says nothing any more
 LEAST_COVERAGE = 0.75
 LARGEST_SKIN_M = 0.013  # mean distance of the skin that should show to the cloud
+MOST_ATTACHED = 0.5  # share of the outline beyond which the same surface goes on, in a frame without a past
 LARGEST_RESIDUAL_M = 0.006
 _GATE_M = 0.03
 _UPDATES, _STEPS = 8, 1
@@ -68,11 +69,17 @@ class Tracker:
 
     def first(self, target: Target, time_s: float) -> tuple[TrackedFrame, TrackerState | None]:
         """Track a frame without a past: from the subject's example poses, else from many starts."""
+        body = self.subject.body
         try:
-            start = locate(self.subject.body, target, self.sample, list(self.subject.thetas))
+            start = locate(body, target, self.sample, list(self.subject.thetas))
+            fit = fit_pose(body, target, start.fit.theta, self.sample)
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), None
-        frame = self._judge(start.fit, FoundSkin(start.skin_m, start.coverage), time_s)
+        pose = score_pose(body, target, fit, self.sample)
+        if pose.attached > MOST_ATTACHED:
+            reason = f"{100 * pose.attached:.0f} % of the limb's outline lies on other surface"
+            return _lost(self.subject.anatomy, time_s, reason), None
+        frame = self._judge(fit, FoundSkin(pose.skin_m, pose.coverage), time_s)
         return frame, None if frame.lost else TrackerState(time_s, frame.theta, np.zeros_like(frame.theta))
 
     def follow(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:

@@ -11,7 +11,8 @@ from adapt.anatomy import Floats
 from adapt.fit.correspondences import Correspondences
 from adapt.model.variation import Points
 
-PLANE_WEIGHT = 100.0  # point-to-plane against point-to-point. The paper takes 10: sliding along the skin then creeps
+SEARCH_PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point, as in the paper: forgiving from far away,
+PLANE_WEIGHT = 100.0  # but sliding along the skin creeps: from near by the points count less
 SIGMA_M = 0.002  # what one independent patch of surface disagrees by where the skin is known
 _MOST_REFUSED = 8
 PATCH_M2 = 0.03**2  # errors of neighbouring points are alike: this much skin counts as one observation
@@ -29,16 +30,18 @@ class Quadratic:
         return Quadratic(self.energy + other.energy, self.gradient + other.gradient, self.hessian + other.hessian)
 
 
-def data_term(skin: Points, matches: Correspondences, weights: Floats) -> Quadratic:
+def data_term(
+    skin: Points, matches: Correspondences, weights: Floats, *, plane_weight: float = PLANE_WEIGHT
+) -> Quadratic:
     """Energy of matched skin points (the M matched vertices, in order, with derivatives (M, 3, n)).
 
     0.5 sum_i w_i [P (n_i . (v_i - t_i))^2 + |v_i - t_i|^2] / ((P + 1) sigma^2), with P the plane's weight and w_i
     (M,) the number of independent observations that the vertex stands for.
     """
-    scale, residual = _data_residual(skin.value, matches, weights)
+    scale, residual = _data_residual(skin.value, matches, weights, plane_weight)
     n = skin.d.shape[2]
     across = (scale[:, None, None] * skin.d).reshape(-1, n)
-    along = np.sqrt(PLANE_WEIGHT) * np.matmul(matches.normal[:, None, :], across.reshape(-1, 3, n))[:, 0]
+    along = np.sqrt(plane_weight) * np.matmul(matches.normal[:, None, :], across.reshape(-1, 3, n))[:, 0]
     point, plane = residual[:, :3].ravel(), residual[:, 3]
     return Quadratic(
         0.5 * float(np.vdot(residual, residual)),
@@ -47,18 +50,22 @@ def data_term(skin: Points, matches: Correspondences, weights: Floats) -> Quadra
     )
 
 
-def data_energy(skin: Floats, matches: Correspondences, weights: Floats) -> float:
+def data_energy(
+    skin: Floats, matches: Correspondences, weights: Floats, *, plane_weight: float = PLANE_WEIGHT
+) -> float:
     """The energy of ``data_term`` alone, for matched skin points (M, 3)."""
-    _, residual = _data_residual(skin, matches, weights)
+    _, residual = _data_residual(skin, matches, weights, plane_weight)
     return 0.5 * float(np.vdot(residual, residual))
 
 
-def _data_residual(skin: Floats, matches: Correspondences, weights: Floats) -> tuple[Floats, Floats]:
+def _data_residual(
+    skin: Floats, matches: Correspondences, weights: Floats, plane_weight: float
+) -> tuple[Floats, Floats]:
     """The scale (M,) of each match, and its residuals (M, 4): between the points (3), then along the normal (1)."""
-    scale = np.sqrt(weights / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2))
+    scale = np.sqrt(weights / ((plane_weight + 1.0) * SIGMA_M**2))
     residual = np.zeros((len(skin), 4))
     residual[:, :3] = scale[:, None] * (skin - matches.target)
-    residual[:, 3] = np.sqrt(PLANE_WEIGHT) * np.einsum("ij,ij->i", matches.normal, residual[:, :3])
+    residual[:, 3] = np.sqrt(plane_weight) * np.einsum("ij,ij->i", matches.normal, residual[:, :3])
     return scale, residual
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres
-from adapt.fit.least_squares import Quadratic, data_energy, data_term, gaussian_term, levenberg_marquardt
+from adapt.fit.least_squares import PLANE_WEIGHT, Quadratic, data_energy, data_term, gaussian_term, levenberg_marquardt
 from adapt.fit.priors import range_term
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin, pose_skin_varying
@@ -49,16 +49,19 @@ class PoseEnergy:
     matches: Correspondences
     weights: Floats  # (M,) of the matches
     prior: GaussianPose | None
+    plane_weight: float = PLANE_WEIGHT
 
     def quadratic(self, theta: Floats) -> Quadratic:
         """The cost (n parameters) with its derivatives."""
         skin = pose_skin_varying(self.body, theta, vertices=self.matches.vertex)
-        return data_term(skin, self.matches, self.weights) + self._expected(theta)
+        data = data_term(skin, self.matches, self.weights, plane_weight=self.plane_weight)
+        return data + self._expected(theta)
 
     def value(self, theta: Floats) -> float:
         """The cost alone."""
         skin = pose_skin(self.body, theta, vertices=self.matches.vertex)
-        return data_energy(skin, self.matches, self.weights) + self._expected(theta).energy
+        data = data_energy(skin, self.matches, self.weights, plane_weight=self.plane_weight)
+        return data + self._expected(theta).energy
 
     def _expected(self, theta: Floats) -> Quadratic:
         limits = range_term(self.body.anatomy, theta)
@@ -75,6 +78,7 @@ def fit_pose(
     steps: int = 3,
     gate_m: float = GATE_M,
     prior: GaussianPose | None = None,
+    plane_weight: float = PLANE_WEIGHT,
 ) -> PoseFit:
     """Pose ``body`` into the cloud from the start ``theta`` (n,).
 
@@ -87,7 +91,7 @@ def fit_pose(
     matches = match_pose(body, target, theta, sample, gate_m=gate_m)
     for _ in range(updates):
         before = theta
-        energy = PoseEnergy(body, matches, sample.observations[matches.vertex], prior)
+        energy = PoseEnergy(body, matches, sample.observations[matches.vertex], prior, plane_weight)
         theta = levenberg_marquardt(energy.quadratic, theta, steps=steps, energy=energy.value)
         matches = match_pose(body, target, theta, sample, gate_m=next_gate(matches, gate_m))
         if np.abs(theta - before).max() < _STILL_RAD_OR_M:

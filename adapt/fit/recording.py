@@ -78,7 +78,7 @@ def adapt_recording(
     body = make_body(anatomy)
     candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
     sample = sample_skin(anatomy, at_most=2000)
-    usable = _plausible(candidates)
+    usable = _plausible(candidates) if frames is None else candidates  # frames that a person chose are not doubted
     if len(usable) < min(poses, len(wanted)) or len(usable) < FEWEST_POSES:
         raise FitError(
             f"{len(usable)} usable poses of {len(wanted)} looked at, {max(poses, FEWEST_POSES)} needed",

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Target
+from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import ATTACHED_M, FAR_M, VOID_M, ScoredPose, attached_share, score_pose, void_share
@@ -100,7 +101,7 @@ def _is_sound(pose: ScoredPose) -> bool:
 def try_pose(body: Body, target: Target, sample: SkinSample, start: Floats) -> ScoredPose | None:
     """The scored fit from one start, or None where too little of the skin finds a target."""
     try:
-        fit = fit_pose(body, target, start, sample)
+        fit = fit_pose(body, target, start, sample, plane_weight=SEARCH_PLANE_WEIGHT)
     except FitError:
         return None
     return score_pose(body, target, fit, sample)
@@ -108,7 +109,16 @@ def try_pose(body: Body, target: Target, sample: SkinSample, start: Floats) -> S
 
 def _refine(body: Body, target: Target, theta: Floats, sample: SkinSample) -> ScoredPose | None:
     try:
-        rough = fit_pose(body, target, theta, sample, updates=15, steps=2, gate_m=_COARSE_GATE_M)
+        rough = fit_pose(
+            body,
+            target,
+            theta,
+            sample,
+            updates=15,
+            steps=2,
+            gate_m=_COARSE_GATE_M,
+            plane_weight=SEARCH_PLANE_WEIGHT,
+        )
     except FitError:
         return None
     return score_pose(body, target, rough, sample)
