@@ -72,6 +72,9 @@ def print_subject(report: dict, out: Path) -> None:  # type: ignore[type-arg]
             f"{100 * pose['coverage']:.0f} %",
         )
     stdout.print(table)
+    sizes = [f"{joint} {size['scale']:.2f} ± {size['sd']:.2f}" for joint, size in report["scales"].items()]
+    stdout.print(f"size against the template: {', '.join(sizes)}", highlight=False)
+    stdout.print(f"skin and cloud disagree by {report['noise_mm']:.1f} mm a patch of 3 cm", highlight=False)
     if report["landmarks_never_shown"]:
         stdout.print(f"never seen in any pose: {', '.join(report['landmarks_never_shown'])}")
     stdout.print(f"subject written to {out}")

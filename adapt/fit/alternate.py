@@ -19,17 +19,22 @@ from adapt.model.body import Body
 
 _OUTER_ROUNDS = 3
 _SKIN_UPDATES = 3
+_SKIN_GATE_M = 0.02
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Adaptation:
-    """An adapted body, its K example poses and how well each is explained."""
+    """An adapted body, its K example poses and how well each is explained.
+
+    ``noise_m`` is the standard deviation by which a patch of skin and the cloud still disagree.
+    """
 
     body: Body
     fits: list[PoseFit]
     covariance: Floats = field(repr=False)  # (m, m) of the shape
+    noise_m: float
 
     @property
     def thetas(self) -> Floats:
@@ -60,18 +65,15 @@ def adapt_body(
         fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m))
         body, thetas, covariance = fitted.body, fitted.thetas, fitted.covariance
         if not optimise_skin:
-            continue
+            continue  # what the skin alone could explain would pass for noise
         progress(f"round {outer + 1} of {outer_rounds}: skin")
         for _ in range(_SKIN_UPDATES):
-            matches = []
-            for target, theta in zip(targets, thetas, strict=True):
-                wide = match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M)
-                matches.append(wide)
+            matches = [
+                match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M)
+                for target, theta in zip(targets, thetas, strict=True)
+            ]
             body = fit_skin(body, thetas, matches, sample)
         noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
     progress("final poses")
     fits = [fit_pose(body, target, theta, sample) for target, theta in zip(targets, thetas, strict=True)]
-    return Adaptation(body, fits, covariance)
-
-
-_SKIN_GATE_M = 0.02
+    return Adaptation(body, fits, covariance, noise_m)

@@ -252,6 +252,17 @@ def _given(body: Body, target: Target, sample: SkinSample, theta: Floats) -> Sco
     return score_pose(body, target, fit_pose(body, target, theta, sample), sample)
 
 
+def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
+    """How large the body is at each joint against the template, with one standard deviation."""
+    deviations = np.sqrt(np.diag(adaptation.covariance))[::4]
+    return {
+        joint: {"scale": float(scale), "sd": float(deviation)}
+        for joint, scale, deviation in zip(
+            adaptation.body.affine.groups, adaptation.body.shape[::4], deviations, strict=True
+        )
+    }
+
+
 def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:
     body = adaptation.body
     sample = sample_skin(body.anatomy)
@@ -270,6 +281,8 @@ def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:
             }
             for candidate, fit, score in zip(used, adaptation.fits, scores, strict=True)
         ],
+        "noise_mm": 1e3 * adaptation.noise_m,
+        "scales": _scales(adaptation),
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
     }
