@@ -37,7 +37,7 @@ class TissueField:
     modes: Floats = field(repr=False)
     normals: Floats = field(repr=False)
     remainder: Floats = field(repr=False)
-    _project: Floats = field(repr=False)  # (K, V)
+    projection: Floats = field(repr=False)  # (K, V), from displacements along the normals to coefficients
 
     def displacement(self, coefficients: Floats) -> Floats:
         """Displacement (V, 3) m of the template skin for coefficients (K,)."""
@@ -45,7 +45,7 @@ class TissueField:
 
     def coefficients(self, displacement: Floats) -> Floats:
         """The coefficients (K,) nearest to a displacement (V, 3) m of the template skin, by area."""
-        return np.asarray(self._project @ np.einsum("ij,ij->i", displacement, self.normals))
+        return np.asarray(self.projection @ np.einsum("ij,ij->i", displacement, self.normals))
 
 
 @lru_cache(maxsize=8)
@@ -82,5 +82,5 @@ def tissue_field(anatomy: Anatomy) -> TissueField:
         modes=sigma[:, None] * unit,
         normals=vertex_normals(vertices, faces, incidence(faces, len(vertices))),
         remainder=sigma * left_out,
-        _project=(phi / spread).T @ (mass @ sparse.diags(1.0 / sigma)),
+        projection=(phi / spread).T @ (mass @ sparse.diags(1.0 / sigma)),
     )

@@ -29,7 +29,7 @@ class Correspondences:
 
     Vertex index (M,), target point (M, 3), the vertex's own normal (M, 3), and how far (m) the vertex stood from its
     target along it when they were matched (M,). The plane of point-to-plane is the model's, not the cloud's: normals
-    of a cloud are noisy, and lean where its surface ends (docs/model.md tells what that costs).
+    of a cloud are noisy, and lean where its surface ends (docs/accuracy.md tells what that costs).
     """
 
     vertex: Ints
