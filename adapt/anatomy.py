@@ -22,10 +22,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FORMAT = "bonetrack-anatomy"
-VERSION = 2  # 2: spline joints
+VERSION = 2  # 2: ball and spline joints, bend deformers
 
-JointType = Literal["free", "hinge", "universal", "spline"]
-DeformerType = Literal["rigid", "forearm"]
+JointType = Literal["free", "hinge", "universal", "ball", "spline"]
+DeformerType = Literal["rigid", "forearm", "bend"]
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ class Joint:
     free: six coordinates, a rotation vector (rad) and the origin of the child's frame (m), in the recording.
     hinge: one coordinate, a turn about the line through the two landmarks of ``axes[0]``.
     universal: two coordinates; the line ``axes[0]`` is fixed in the parent, ``axes[1]`` rides on the first turn.
+    ball: three coordinates, turns about three lines through one point, each riding on the one before.
     spline: one coordinate; where it equals ``knots[i]`` (rad), a frame of the child coincides with ``frames[i]`` of
     landmarks of the parent, and between knots it follows cubic splines (paper, section 3.6).
     ``centre`` names the landmarks whose mean is the joint centre.
@@ -106,7 +107,13 @@ class Joint:
         return tuple(dict.fromkeys([*(name for axis in self.axes for name in axis), *in_frames, *self.centre]))
 
 
-_PARTS: dict[str, tuple[int, int]] = {"free": (6, 0), "hinge": (1, 1), "universal": (2, 2), "spline": (1, 0)}
+_PARTS: dict[str, tuple[int, int]] = {
+    "free": (6, 0),
+    "hinge": (1, 1),
+    "universal": (2, 2),
+    "ball": (3, 3),
+    "spline": (1, 0),
+}
 """How many coordinates and axes a joint of each type has."""
 
 
@@ -137,9 +144,10 @@ class Handle:
 
 @dataclass(frozen=True)
 class Deformer:
-    """What moves skin: type 'rigid' rides on ``bones[0]``; 'forearm' twists between two bones.
+    """What moves skin: type 'rigid' rides on ``bones[0]``; 'forearm' twists and 'bend' bends between two bones.
 
     For 'forearm', ``frames[0]`` rides on ``bones[0]`` (the ulna) and ``frames[1]`` on ``bones[1]`` (the radius).
+    For 'bend', ``frames`` are the planes where the bend starts and ends (origins and y axes) and the joint's centre.
     """
 
     name: str

@@ -28,7 +28,7 @@ _FREE_SIGNS = (-1, -1, 1, 1, 1, -1)  # of a free joint's coordinates: rotation v
 
 
 def mirrored(anatomy: Anatomy) -> Anatomy:
-    """The same limb of the other side. Names of bones, landmarks, joints and coordinates stay."""
+    """The same limb of the other side. Names stay, but for coordinates whose OpenSim name tells the side."""
     return Anatomy(
         name=mirrored_name(anatomy.name),
         side="left" if anatomy.side == "right" else "right",
@@ -61,6 +61,16 @@ def mirrored_name(name: str) -> str:
     return stem + dash + _OTHER.get(side, side)
 
 
+def mirrored_coordinate(name: str) -> str:
+    """The name of the other side's coordinate, as OpenSim has it; a name that tells no side stays.
+
+    >>> mirrored_coordinate("knee_angle_r"), mirrored_coordinate("elbow_flexion")
+    ('knee_angle_l', 'elbow_flexion')
+    """
+    other = {"_r": "_l", "_l": "_r"}.get(name[-2:])
+    return name if other is None else name[:-2] + other
+
+
 def mirrored_points(points: Floats) -> Floats:
     """Points (..., 3) on the other side of the plane z = 0."""
     return np.asarray(points * _SIGNS)
@@ -88,11 +98,12 @@ def _handle(handle: Handle) -> Handle:
     return replace(handle, position=(x, y, -z))
 
 
-def _joint(joint: Joint) -> Joint:
+def _joint(right: Joint) -> Joint:
+    joint = replace(right, coordinates=tuple(mirrored_coordinate(name) for name in right.coordinates))
     match joint.type:
         case "free":  # its child's frame is mirrored
             return joint
-        case "hinge" | "universal":
+        case "hinge" | "universal" | "ball":
             return replace(joint, axes=tuple((second, first) for first, second in joint.axes))
         case "spline":
             return replace(joint, frames=tuple(_frame(frame) for frame in joint.frames))
@@ -109,14 +120,15 @@ def _coordinates(anatomy: Anatomy) -> tuple[Coordinate, ...]:
         for name, sign in zip(joint.coordinates, _FREE_SIGNS, strict=True)
         if sign < 0
     }
-    return tuple(replace(c, low=-c.high, high=-c.low) if c.name in turned else c for c in anatomy.coordinates)
+    named = {c.name: replace(c, name=mirrored_coordinate(c.name)) for c in anatomy.coordinates}
+    return tuple(replace(c, low=-c.high, high=-c.low) if name in turned else c for name, c in named.items())
 
 
 def _deformer(deformer: Deformer) -> Deformer:
     match deformer.type:
         case "rigid":
             return deformer
-        case "forearm":
+        case "forearm" | "bend":
             return replace(deformer, frames=tuple(_frame(frame) for frame in deformer.frames))
         case _:
             assert_never(deformer.type)

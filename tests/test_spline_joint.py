@@ -271,7 +271,7 @@ def test_a_file_of_the_first_version_has_joints_without_splines(leg: Anatomy, tm
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"type": "ball"}, "joint knee: no type 'ball': the types are free, hinge, universal, spline"),
+        ({"type": "screw"}, "joint knee: no type 'screw': the types are free, hinge, universal, ball, spline"),
         ({"knots": (0.0, 1.0)}, "one frame a knot"),
         ({"knots": (), "frames": ()}, "one frame a knot"),
         ({"knots": tuple(reversed(KNEE_KNOTS))}, "two knots or more that increase"),

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.mirror import mirrored_name
+from adapt.mirror import mirrored_coordinate, mirrored_name
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_normals
@@ -81,7 +81,8 @@ def _motions(anatomy: Anatomy) -> dict[str, dict[str, dict[str, float]]]:
     if path is None:
         raise PerformanceError(f"no motions for {anatomy.name}", where=folder, remedy="perform a motion table instead")
     motions: dict[str, dict[str, dict[str, float]]] = json.loads(path.read_text(encoding="utf-8"))
-    return motions
+    named = mirrored_coordinate if path == paths[1] else str
+    return {motion: {named(name): wave for name, wave in waves.items()} for motion, waves in motions.items()}
 
 
 def _wave(phase: Floats, *, middle_deg: float, swing_deg: float, cycles: float, phase_deg: float) -> Floats:

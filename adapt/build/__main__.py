@@ -8,16 +8,16 @@ from pathlib import Path
 import click
 
 from adapt.anatomy import load_anatomy, save_anatomy
-from adapt.build.assemble import build_anatomy
+from adapt.build.assemble import build_anatomy, source_of
 from adapt.build.checks import Check, all_checks, require
+from adapt.build.lower_limb import LOWER_LIMB_RIGHT
 from adapt.build.plan import LimbPlan
 from adapt.build.provenance import write_provenance
-from adapt.build.sources_myosim import load_skeleton
 from adapt.build.upper_limb import UPPER_LIMB_RIGHT
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 
-PLANS = {plan.name: plan for plan in (UPPER_LIMB_RIGHT,)}
+PLANS = {plan.name: plan for plan in (LOWER_LIMB_RIGHT, UPPER_LIMB_RIGHT)}
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 LARGEST_FILE = 6.0  # MB
 
@@ -41,7 +41,7 @@ def _build(plan: LimbPlan, out: Path) -> None:
     with replaced_when_complete(path) as candidate:
         save_anatomy(anatomy, candidate)
         written = load_anatomy(candidate)
-        checks = all_checks(written, plan, load_skeleton(plan.bodies))
+        checks = all_checks(written, plan, source_of(plan))
         checks.append(Check("file size", candidate.stat().st_size / 1e6, LARGEST_FILE, "MB"))
         for check in checks:
             click.echo(check.line())

@@ -15,19 +15,20 @@ from adapt.build.landmarks import landmarks_of, point_on_body
 from adapt.build.meshes import Mesh
 from adapt.build.plan import LimbPlan
 from adapt.build.pose_bones import Placement
-from adapt.build.skin import evened, smooth_limb
+from adapt.build.skin import evened, height_in, smooth_limb
 from adapt.build.sources_makehuman import load_skin
-from adapt.build.sources_myosim import SourceSkeleton, load_skeleton, shifted
+from adapt.build.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, shifted
 from adapt.build.tetrahedra import TetMesh, evaluate, tetrahedralised, with_corners_at
-from adapt.build.weights import bounded_biharmonic
+from adapt.build.weights import bounded_biharmonic, normalised
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Say = Callable[[str], None]
 
-_LIMB_EDGE, _LIMB_EPSILON = 0.012, 0.001  # m
+_LIMB_EPSILON = 0.001  # m
 _BONE_EPSILON = 0.0006  # m
-_LIMB_REACH, _BONE_REACH = 0.012, 0.006  # m, how far a corner may be moved onto a handle
+_LEAST_WEIGHT = 1e-3  # of a deformer: it costs time wherever it has any
+_BONE_REACH = 0.006  # m, how far a corner may be moved onto a handle
 
 
 def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
@@ -39,15 +40,15 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
     say = _timed(say)
     rig = load_skin(plan.skin.targets, stature=plan.skin.stature)
     tip = rig.joints[plan.skin.tip]
-    smooth = smooth_limb(rig.vertices, rig.quads, plan.skin.cut, tip)
-    skin, is_cap = evened(smooth, plan.skin.cut, tip, count=plan.skin.count)
+    smooth = smooth_limb(rig.vertices, rig.quads, plan.skin.cuts[0], tip)
+    skin, is_cap = evened(smooth, plan.skin.cuts, tip, count=plan.skin.count)
     say(f"skin: {len(skin.vertices)} vertices")
 
-    skeleton = shifted(load_skeleton(plan.bodies), plan.shifts)
+    skeleton = shifted(source_of(plan), plan.shifts)
     pose, placements = plan.pose(skeleton, rig, smooth)
     say("bones posed")
     surfaces = {bone.name: bone_surface(skeleton, placements, bone) for bone in plan.bones}
-    names, landmarks = landmarks_of(skeleton, placements, plan)
+    names, landmarks = landmarks_of(skeleton, placements, plan, pose)
     handles, heads = _handles(skeleton, placements, plan), _heads(skeleton, placements, plan)
     say("bones, landmarks, handles")
 
@@ -55,7 +56,7 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
     tets = {
         bone.name: tetrahedralised(inside[bone.name], edge=bone.tet_edge, epsilon=_BONE_EPSILON) for bone in plan.bones
     }
-    tets["limb"] = tetrahedralised(skin, edge=_LIMB_EDGE, epsilon=_LIMB_EPSILON)
+    tets["limb"] = tetrahedralised(skin, edge=plan.skin.tet_edge, epsilon=_LIMB_EPSILON)
     say("tetrahedra: " + ", ".join(f"{name} {len(mesh.tets)}" for name, mesh in tets.items()))
 
     bones = []
@@ -66,7 +67,7 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
         at_vertices = evaluate(tets[bone.name], weights, surface.vertices)
         bones.append(Bone(bone.name, bone.frame, surface.vertices, surface.faces, at_vertices))
     every = list(range(len(handles)))
-    tets["limb"], handle_weights = _handle_weights(tets["limb"], heads, every, within=_LIMB_REACH)
+    tets["limb"], handle_weights = _handle_weights(tets["limb"], heads, every, within=plan.skin.tet_edge)
     deformer_weights = _deformer_weights(tets["limb"], plan, inside, dict(zip(names, landmarks, strict=True)))
     say("weights")
 
@@ -89,6 +90,11 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
         tetrahedra={name: (mesh.points, mesh.tets) for name, mesh in tets.items()},
     )
     return anatomy, pose
+
+
+def source_of(plan: LimbPlan) -> SourceSkeleton:
+    """The source skeleton as a plan wants it, at its own size."""
+    return in_pieces(load_skeleton(plan.bodies, without=plan.without, follows=plan.follows), plan.pieces)
 
 
 def _handles(skeleton: SourceSkeleton, placements: dict[str, Placement], plan: LimbPlan) -> tuple[Handle, ...]:
@@ -118,17 +124,20 @@ def _handle_weights(mesh: TetMesh, heads: list[Floats], own: list[int], *, withi
 
 def _deformer_weights(mesh: TetMesh, plan: LimbPlan, inside: dict[str, Mesh], landmarks: dict[str, Floats]) -> Floats:
     """Weights (N, D) of the deformers inside the limb; what lies inside a deformer's bones belongs to it alone."""
-    depth = {name: surface.depth(mesh.points) for name, surface in inside.items()}
+    inside_bone = {name: surface.depth(mesh.points) for name, surface in inside.items()}
+    depth = {(deformer.name, bone): inside_bone[bone] for deformer in plan.deformers for bone in deformer.bones}
     for held in plan.held:
         along = _along(mesh.points, landmarks[held.start], landmarks[held.end])
-        depth[held.bone] = np.where(along > held.beyond, depth[held.bone], -np.inf)
-    deepest = np.stack([np.max([depth[bone] for bone in deformer.bones], axis=0) for deformer in plan.deformers])
+        key = held.deformer, held.bone
+        depth[key] = np.where(along > held.beyond, depth[key], -np.inf)
+    deepest = np.stack([np.max([depth[d.name, bone] for bone in d.bones], axis=0) for d in plan.deformers])
     owner = np.where(deepest.max(axis=0) > 0.0, np.argmax(deepest, axis=0), -1)
     for cushion in plan.cushions:
         near = np.linalg.norm(mesh.points - landmarks[cushion.landmark], axis=1) < cushion.radius
         carrier = next(k for k, deformer in enumerate(plan.deformers) if cushion.bone in deformer.bones)
         owner = np.where(near & (owner == -1), carrier, owner)
-    return bounded_biharmonic(mesh, [np.flatnonzero(owner == index) for index in range(len(plan.deformers))])
+    weights = bounded_biharmonic(mesh, [np.flatnonzero(owner == index) for index in range(len(plan.deformers))])
+    return normalised(np.where(weights < _LEAST_WEIGHT, 0.0, weights))
 
 
 def _along(points: Floats, start: Floats, end: Floats) -> Floats:
@@ -145,7 +154,7 @@ def _at_rest(coordinate: Coordinate, plan: LimbPlan, pose: dict[str, float]) -> 
 
 def _fit_weight(plan: LimbPlan, skin: Floats, is_cap: NDArray[np.bool_], landmarks: dict[str, Floats]) -> Floats:
     """How much skin vertices (V,) count in fitting: less near the cut and along the ramps, nothing on the cap."""
-    weight = np.interp(plan.skin.cut.height(skin), *plan.fit_near_cut)
+    weight = np.interp(height_in(plan.skin.cuts, skin), *plan.fit_near_cut)
     for ramp in plan.fit_ramps:
         distance = _along(skin, landmarks[ramp.start], landmarks[ramp.end])
         weight = weight * np.interp(distance, ramp.at, ramp.values)

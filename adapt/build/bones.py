@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapt.build.meshes import Mesh, largest_part, level_set, simplified
+from adapt.build.meshes import Mesh, joined, largest_part, level_set, parts_of, simplified
 from adapt.build.plan import BonePlan
 from adapt.build.pose_bones import Placement
 from adapt.build.sources_myosim import SourceSkeleton
@@ -12,10 +12,10 @@ from capture.errors import AnatomyError
 
 
 def bone_surface(skeleton: SourceSkeleton, placements: dict[str, Placement], plan: BonePlan) -> Mesh:
-    """The bone's surface (m) as it stands in the skin: one closed part for every source body."""
-    meshes = [_placed(skeleton, placements, name) for name in plan.bodies]
+    """The bone's surface (m) as it stands in the skin: one closed part for every connected part of its sources."""
+    meshes = [part for name in plan.bodies for part in parts_of(_placed(skeleton, placements, name))]
     smooth = [_mended(mesh, plan) for mesh in meshes]
-    area = np.array([_area(mesh) for mesh in smooth])
+    area = np.array([mesh.area() for mesh in smooth])
     counts = np.maximum(120, plan.count * area / area.sum()).astype(int)
     return joined([simplified(mesh, count=int(count)) for mesh, count in zip(smooth, counts, strict=True)])
 
@@ -38,18 +38,6 @@ def envelope(surface: Mesh, plan: BonePlan) -> Mesh:
     return simplified(whole, count=3000)
 
 
-def joined(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one, without merging anything."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
-
-
 def _placed(skeleton: SourceSkeleton, placements: dict[str, Placement], name: str) -> Mesh:
     body = skeleton.bodies[name]
     return Mesh(placements[name].points(body.vertices), body.faces)
-
-
-def _area(mesh: Mesh) -> float:
-    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)

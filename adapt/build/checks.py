@@ -26,9 +26,9 @@ Floats = NDArray[np.float64]
 
 REST_DEPTH = 0.001  # m, of every bone vertex beneath the skin at rest
 OVERLAP = 0.002  # m, of one bone in another, or what the source skeleton has if that is more
-OVERLAP_SLACK = 0.0005  # m
+OVERLAP_SLACK, OVERLAP_SHARE = 0.0005, 0.15  # m, and of the source's: facets of a coarse source hide some of it
 DRIFT = 0.0015  # m, between landmarks and the bones they stand for, under changed proportions
-TWIST = np.radians(130.0)  # between the two frames of a twisting deformer
+TURN = {2: np.radians(130.0), 3: np.radians(165.0)}  # between the two bones of a deformer with so many frames
 _STEPS = 5  # values of a coordinate over its range
 
 # Tetrahedra differ a little between builds: at the wrist's limits the carpus may touch the skin from inside.
@@ -73,7 +73,7 @@ def all_checks(anatomy: Anatomy, plan: LimbPlan, skeleton: SourceSkeleton) -> li
         *weight_checks(anatomy),
         *tetrahedra_checks(anatomy),
         *landmark_checks(anatomy),
-        *twist_checks(body),
+        *turn_checks(body),
         *drift_checks(anatomy),
         *motion_checks(body),
         *overlap_checks(body, plan, skeleton),
@@ -143,21 +143,22 @@ def landmark_checks(anatomy: Anatomy) -> list[Check]:
     return checks
 
 
-def twist_checks(body: Body) -> list[Check]:
-    """The two frames of a twisting deformer never come near half a turn apart, where SLERP would flip."""
+def turn_checks(body: Body) -> list[Check]:
+    """The two bones of a twist or a bend never come near half a turn apart, where SLERP would flip."""
     checks = []
     for deformer in body.anatomy.deformers:
-        if len(deformer.frames) != 2:
+        if len(deformer.bones) != 2:
             continue
+        # A twist starts from its own two frames, a bend from rest.
+        own = deformer.frames if len(deformer.frames) == 2 else deformer.frames[-1:] * 2
+        rest = [frame_from_landmarks(body.anatomy, frame, body.p).rotation for frame in own]
         worst = 0.0
         for theta in motions(body):
             moved = bone_motions(body.anatomy, theta, body.p)
-            turns = [
-                moved[bone].rotation @ frame_from_landmarks(body.anatomy, frame, body.p).rotation
-                for bone, frame in zip(deformer.bones, deformer.frames, strict=True)
-            ]
+            turns = [moved[bone].rotation @ frame for bone, frame in zip(deformer.bones, rest, strict=True)]
             worst = max(worst, rotation_angle(turns[0].T @ turns[1]))
-        checks.append(Check(f"twist of {deformer.name}", np.degrees(worst), np.degrees(TWIST), "deg"))
+        limit = TURN[len(deformer.frames)]
+        checks.append(Check(f"turn of {deformer.name}", np.degrees(worst), np.degrees(limit), "deg"))
     return checks
 
 
@@ -239,7 +240,9 @@ def overlap_checks(body: Body, plan: LimbPlan, skeleton: SourceSkeleton) -> list
             posed = posed_bones(body, theta)
             ours = max(ours, _overlap(*(Mesh(posed[n], body.anatomy.bone(n).faces) for n in (first, second))))
             theirs = max(theirs, _overlap(*(_source_mesh(plan, skeleton, n, theta) for n in (first, second))))
-        limit = max(OVERLAP, theirs + OVERLAP_SLACK)
+        if ours == -np.inf:  # they never come near each other
+            continue
+        limit = max(OVERLAP, theirs + max(OVERLAP_SLACK, OVERLAP_SHARE * theirs))
         checks.append(Check(f"{first} in {second} (source {1e3 * theirs:.1f} mm)", 1e3 * ours, 1e3 * limit, "mm"))
     return checks
 
@@ -257,11 +260,12 @@ def _neighbours(anatomy: Anatomy) -> list[tuple[str, str, tuple[Joint, ...]]]:
 
 
 def _overlap(first: Mesh, second: Mesh) -> float:
-    """How deep two meshes lie in each other, m; negative when they are apart."""
+    """How deep two meshes lie in each other, m; negative when they are apart. Middles of coarse faces count too."""
     deepest = -np.inf
     for mesh, other in ((first, second), (second, first)):
         low, high = mesh.vertices.min(axis=0) - 0.005, mesh.vertices.max(axis=0) + 0.005
-        near = other.vertices[np.all((other.vertices > low) & (other.vertices < high), axis=1)]
+        points = np.concatenate([other.vertices, other.vertices[other.faces].mean(axis=1)])
+        near = points[np.all((points > low) & (points < high), axis=1)]
         if len(near):
             deepest = max(deepest, float(mesh.depth(near).max()))
     return deepest

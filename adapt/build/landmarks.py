@@ -9,6 +9,7 @@ from adapt.build.plan import AxisPlan, LimbPlan, PointPlan
 from adapt.build.pose_bones import Placement
 from adapt.build.sources_myosim import SourceSkeleton
 from capture.errors import AnatomyError
+from capture.rigid import exp_so3
 
 Floats = NDArray[np.float64]
 
@@ -30,20 +31,31 @@ def point_on_body(skeleton: SourceSkeleton, plan: PointPlan) -> Floats:
 
 
 def landmarks_of(
-    skeleton: SourceSkeleton, placements: dict[str, Placement], plan: LimbPlan
+    skeleton: SourceSkeleton, placements: dict[str, Placement], plan: LimbPlan, angles: dict[str, float]
 ) -> tuple[tuple[str, ...], Floats]:
-    """Names and positions (P, 3) m of all landmarks: bony points first, then the points on joint axes."""
+    """Names and positions (P, 3) m of all landmarks: bony points, points on joint axes, controls of spline joints.
+
+    ``angles`` (rad) are those of the source's hinges, by name, in which the placements stand.
+    """
     names = [point.name for point in plan.points]
     positions = [placements[point.body].points(point_on_body(skeleton, point)) for point in plan.points]
     for axis in plan.axes:
         names.extend(axis.names)
-        positions.extend(_on_axis(skeleton, placements, axis))
+        positions.extend(_on_axis(skeleton, placements, axis, angles))
+    for spline in plan.splines:
+        _, controls = spline.joint(placements[spline.carrier].points)
+        names.extend(controls)
+        positions.extend(controls.values())
     return tuple(names), np.array(positions)
 
 
-def _on_axis(skeleton: SourceSkeleton, placements: dict[str, Placement], axis: AxisPlan) -> Floats:
+def _on_axis(
+    skeleton: SourceSkeleton, placements: dict[str, Placement], axis: AxisPlan, angles: dict[str, float]
+) -> Floats:
     origin = np.zeros(3) if axis.carrier == axis.body else skeleton.bodies[axis.body].position
     direction = np.array(axis.axis) / np.linalg.norm(axis.axis)
+    for hinge in reversed([h for h in skeleton.bodies[axis.body].hinges if h.name in axis.after]):
+        direction = exp_so3(hinge.axis * angles[hinge.name]) @ direction
     return placements[axis.carrier].points(origin + np.outer(axis.distances, direction))
 
 

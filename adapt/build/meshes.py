@@ -26,6 +26,11 @@ class Mesh:
         corners = self.vertices[self.faces]
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
+    def area(self) -> float:
+        """Area of the surface, m^2."""
+        a, b, c = self.vertices[self.faces].transpose(1, 0, 2)
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
+
     def volume(self) -> float:
         """Enclosed volume, m^3; positive for a closed mesh that faces outward."""
         a, b, c = self.vertices[self.faces].transpose(1, 0, 2)
@@ -110,6 +115,19 @@ def largest_part(mesh: Mesh) -> Mesh:
     """The connected part with the most faces."""
     _, label = igl.facet_components(mesh.faces)
     return Mesh(*compacted(mesh.vertices, mesh.faces[label == np.argmax(np.bincount(label))]))
+
+
+def parts_of(mesh: Mesh) -> list[Mesh]:
+    """The connected parts."""
+    count, label = igl.facet_components(mesh.faces)
+    return [Mesh(*compacted(mesh.vertices, mesh.faces[label == part])) for part in range(count)]
+
+
+def joined(meshes: list[Mesh]) -> Mesh:
+    """Several meshes as one, without merging anything."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def simplified(mesh: Mesh, *, count: int) -> Mesh:

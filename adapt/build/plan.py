@@ -6,25 +6,30 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from adapt.anatomy import Coordinate, Deformer, Frame, Joint
+from adapt.anatomy import Coordinate, Deformer, Floats, Frame, Joint
+from adapt.build.coupled_joint import CoupledJoint, Guides, spline_joint
 from adapt.build.meshes import Mesh
 from adapt.build.pose_bones import Placement
 from adapt.build.skin import Cut
 from adapt.build.sources_makehuman import SourceSkin
-from adapt.build.sources_myosim import SourceSkeleton
+from adapt.build.sources_myosim import Follow, Piece, SourceSkeleton
 
 Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class SkinPlan:
-    """Which skin: shape targets with weights, stature (m), where the limb is cut off and any point of it."""
+    """Which skin: shape targets with weights, stature (m), where the limb is cut off and any point of it.
+
+    The first cut parts the limb from the body's middle or top; further ones go through what it leaves.
+    """
 
     targets: dict[str, float]
     stature: float
-    cut: Cut
+    cuts: tuple[Cut, ...]
     tip: str  # a joint centre's name
     count: int  # vertices, about
+    tet_edge: float  # m, of the tetrahedra that fill it
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class AxisPlan:
     """Two landmarks on the axis of a source hinge, at ``distances`` (m) from the hinge's origin along ``axis``.
 
     The hinge belongs to ``body``, whose origin lies on the axis; ``carrier`` is the body in whose frame ``axis``
-    stands: ``body`` itself or its parent.
+    stands: ``body`` itself or its parent, after the hinges ``after`` of ``body`` have turned it.
     """
 
     names: tuple[str, str]
@@ -75,6 +80,36 @@ class AxisPlan:
     carrier: str
     axis: Vector
     distances: tuple[float, float]  # m, at the source's size
+    after: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SplinePlan:
+    """A spline joint calibrated from a table: ``parent`` and ``child`` are bones, ``carrier`` is the parent's body."""
+
+    name: str
+    table: CoupledJoint
+    guides: Guides
+    knots: tuple[float, ...]
+    parent: str
+    child: str
+    carrier: str
+    coordinate: str
+    centre: tuple[str, ...]
+
+    def joint(self, place: Callable[[Floats], Floats]) -> tuple[Joint, dict[str, Floats]]:
+        """The joint and its landmarks (3,) m, where ``place`` carries points (N, 3) of the carrier's frame."""
+        return spline_joint(
+            self.table,
+            self.guides,
+            place,
+            knots=self.knots,
+            name=self.name,
+            parent=self.parent,
+            child=self.child,
+            coordinate=self.coordinate,
+            centre=self.centre,
+        )
 
 
 @dataclass(frozen=True)
@@ -106,11 +141,13 @@ class RampPlan:
 
 @dataclass(frozen=True)
 class HeldPart:
-    """The part of a bone that holds the tissue around it: beyond ``beyond`` (m) from ``start`` towards ``end``.
+    """The part of a bone that holds tissue for a deformer: beyond ``beyond`` (m) from ``start`` towards ``end``.
 
     Between two bones of many small ones (a wrist, an ankle) the skin moves gradually, over more than the joint line.
+    Where two deformers share a bone, each holds its own end.
     """
 
+    deformer: str
     bone: str
     start: str
     end: str
@@ -128,16 +165,22 @@ class Cushion:
 
 @dataclass(frozen=True)
 class LimbPlan:
-    """All of it."""
+    """All of it. ``facts`` are (what, from where) and ``notes`` a paragraph of choices, both for the record."""
 
     name: str
     side: Literal["right", "left"]
+    facts: tuple[tuple[str, str], ...]
+    notes: str
     skin: SkinPlan
     bodies: tuple[str, ...]
+    without: tuple[str, ...]  # meshes of those bodies that are left out
+    pieces: tuple[Piece, ...]  # bodies that are taken apart
+    follows: dict[str, Follow]  # bodies that follow a table instead of their hinges
     shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
     bones: tuple[BonePlan, ...]
     points: tuple[PointPlan, ...]
     axes: tuple[AxisPlan, ...]
+    splines: tuple[SplinePlan, ...]
     handles: tuple[HandlePlan, ...]
     joints: tuple[Joint, ...]
     coordinates: tuple[Coordinate, ...]

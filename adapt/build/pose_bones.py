@@ -8,7 +8,7 @@ What is minimised, by least squares over the parameters q = (root rotation and p
     sum over directions      |u(q) - u_skin|^2 / s^2          the hand faces the way the skin's hand does
     sum over parameters      ((q - q0) / s)^2                 prior knowledge
 
-Bones stay rigid but for one scale per group: uniform, or one along the shaft (y) and one across it (x and z).
+Bones stay rigid but for one scale per group: uniform, or others along the shaft (y) than across it (x and z).
 """
 
 from __future__ import annotations
@@ -90,15 +90,14 @@ class DirectionTarget:
 
 @dataclass(frozen=True)
 class PoseProblem:
-    """Everything the fit needs. ``scale_of`` names each body's scale unknowns, across and along the shaft."""
+    """Everything the fit needs. ``scale_of`` names each body's scale unknowns along its x, y and z."""
 
     skeleton: SourceSkeleton
     root: str
-    scale_of: dict[str, tuple[str, str]]
+    scale_of: dict[str, tuple[str, str, str]]
     unknowns: tuple[Unknown, ...]
     fixed: dict[str, float]
-    checked: tuple[str, ...]  # bodies whose vertices must keep the clearance
-    clearance: float
+    clearance: dict[str, float]  # bodies whose vertices must stay this far (m) beneath the skin
     targets: tuple[Target, ...] = ()
     depths: tuple[DepthTarget, ...] = ()
     directions: tuple[DirectionTarget, ...] = ()
@@ -112,15 +111,15 @@ def placed_bodies(problem: PoseProblem, values: dict[str, float]) -> dict[str, P
     """Forward kinematics: every body's placement for parameter values by name (rad, m, log scale)."""
     placements: dict[str, Placement] = {}
     for name, body in problem.skeleton.bodies.items():
-        across, along = (np.exp(values[unknown]) for unknown in problem.scale_of[name])
-        scale = np.array([across, along, across])
+        scale = np.exp([values[unknown] for unknown in problem.scale_of[name]])
         if name == problem.root:
             rotation = exp_so3(np.array([values[key] for key in ROOT[:3]]))
             translation = np.array([values[key] for key in ROOT[3:]])
         else:
             parent = placements[body.parent]
-            rotation = parent.rotation @ body.turned(values)
-            translation = parent.points(body.position)
+            turned, position = body.in_parent(values)
+            rotation, anchor = parent.rotation @ turned, body.anchor()
+            translation = parent.points(position + turned @ anchor) - rotation @ (scale * anchor)
         placements[name] = Placement(rotation, translation, scale)
     return placements
 
@@ -141,13 +140,14 @@ def fit_pose(problem: PoseProblem, depth: Callable[[Floats], Floats]) -> dict[st
 
 
 def _geometry(problem: PoseProblem, placed: dict[str, Placement], depth: Callable[[Floats], Floats]) -> Floats:
-    vertices = [placed[name].points(problem.skeleton.bodies[name].vertices) for name in problem.checked]
+    vertices = [placed[name].points(problem.skeleton.bodies[name].vertices) for name in problem.clearance]
+    clearance = np.repeat(list(problem.clearance.values()), [len(points) for points in vertices])
     marks = [placed[mark.body].points(mark.point)[None] for mark in problem.depths]
     depths = depth(np.concatenate([np.zeros((0, 3)), *vertices, *marks]))
     bone, mark = np.split(depths, [len(depths) - len(marks)])
     wanted = np.array([mark.depth for mark in problem.depths])
     sure = np.array([mark.spread for mark in problem.depths])
-    parts = [np.maximum(0.0, problem.clearance - bone) / problem.spread, (mark - wanted) / sure]
+    parts = [np.maximum(0.0, clearance - bone) / problem.spread, (mark - wanted) / sure]
     parts += [(placed[t.body].points(t.point) - t.goal) / t.spread for t in problem.targets]
     for d in problem.directions:
         along = placed[d.second].translation - placed[d.first].translation
@@ -177,5 +177,5 @@ def source_at(skeleton: SourceSkeleton, angles: dict[str, float]) -> dict[str, P
     """The source skeleton at its own size, root at the origin, with hinge angles by name (rad; others 0)."""
     root = next(iter(skeleton.bodies))
     values = dict.fromkeys(ROOT, 0.0) | {"log_one": 0.0} | angles
-    scale_of = dict.fromkeys(skeleton.bodies, ("log_one", "log_one"))
-    return placed_bodies(PoseProblem(skeleton, root, scale_of, (), {}, (), 0.0), values)
+    scale_of = dict.fromkeys(skeleton.bodies, ("log_one", "log_one", "log_one"))
+    return placed_bodies(PoseProblem(skeleton, root, scale_of, (), {}, {}), values)

@@ -28,6 +28,14 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     targets = ", ".join(f"`{name}` x {weight:.3g}" for name, weight in plan.skin.targets.items())
     tets = ", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
+    planes = "a plane" if len(plan.skin.cuts) == 1 else f"{len(plan.skin.cuts)} planes"
+    facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
+    in_rest = {hinge for hinge, _ in plan.rest_from.values()}
+    askew = ", ".join(
+        f"{name} {np.degrees(value):.1f}"
+        for name, value in pose.items()
+        if name not in in_rest and not name.startswith(("log_", "root_"))
+    )
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
     return f"""# {plan.name}
 
@@ -40,22 +48,25 @@ Built by `python -m adapt.build {plan.name}` on {date.today().isoformat()}.
 | bones, joint axes | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
 | skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
 {version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
-| joint ranges, signs and names of coordinates | Holzbaur, Murray & Delp (2005) | facts |
-| landmarks, bone frames | Wu et al. (2005), ISB | facts |
+{facts}
 
 The base mesh is copyright 2020 Data Collection AB, Joel Palmius and Jonas Hauquier, and was released as CC0 in
 September 2020. Shape targets and their weights: {targets}; the body scaled to a stature of {plan.skin.stature} m.
 
 ## What was changed
 
-- Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; cut off by a plane, closed with a
-  flat cap; resampled to {len(anatomy.skin_vertices)} evenly spread vertices.
+- Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; cut off by {planes}, closed with
+  flat caps; resampled to {len(anatomy.skin_vertices)} evenly spread vertices.
 - Bones: holes closed and facets rounded by a level set where the source is open or coarse; simplified; posed into the
   skin by the source's own hinges and one scale per group of bones (across and along the shaft); some parts joined
-  to one rigid bone; bodies moved in their parents (m, at the source's size): {plan.shifts}.
+  to one rigid bone; bodies moved in their parents (m, at the source's size): {plan.shifts or "none"}; meshes left
+  out: {", ".join(plan.without) or "none"}.
 - Joint axes, landmarks and handles moved with the bones. Weights and tetrahedra were computed by this program.
 
+{plan.notes}
 Rest pose (degrees): {rest}.
+
+Other angles in which the source's bodies stand at rest (degrees): {askew or "none"}.
 
 Scales: {", ".join(f"{name.removeprefix('log_')} {value:.3f}" for name, value in scales.items())}.
 

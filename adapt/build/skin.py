@@ -14,6 +14,7 @@ Ints = NDArray[np.int64]
 
 _MARGIN = 0.012  # m beyond the cut that take part in subdivision and resampling, whose borders are not clean
 _DRAWN = 0.35  # share of an edge within which its end is drawn onto the plane
+_ON_PLANE = 1e-9  # m
 _CAP_STEP = 2.5  # mean edges from one ring of the cap to the next
 
 
@@ -28,6 +29,11 @@ class Cut:
         """Signed distance (N,) m of points from the plane, positive on the limb's side."""
         normal = np.asarray(self.normal) / np.linalg.norm(self.normal)
         return np.asarray((points - np.asarray(self.point)) @ normal)
+
+
+def height_in(cuts: tuple[Cut, ...], points: Floats) -> Floats:
+    """Signed distance (N,) m of points from the nearest of several cuts, positive inside all of them."""
+    return np.asarray(np.min([cut.height(points) for cut in cuts], axis=0))
 
 
 def smooth_limb(vertices: Floats, quads: Ints, cut: Cut, tip: Floats, *, rounds: int = 3) -> Mesh:
@@ -77,10 +83,20 @@ def catmull_clark(vertices: Floats, quads: Ints) -> tuple[Floats, Ints]:
     return np.concatenate([moved, edge_points, faces]), split.reshape(-1, 4)
 
 
-def evened(surface: Mesh, cut: Cut, tip: Floats, *, count: int) -> tuple[Mesh, NDArray[np.bool_]]:
-    """The limb up to the cut with about ``count`` evenly spread vertices, closed; and which (V,) are the cap's."""
-    even = isotropic(surface, count=count)
-    return closed(cut_off(even, cut, tip))
+def evened(surface: Mesh, cuts: tuple[Cut, ...], tip: Floats, *, count: int) -> tuple[Mesh, NDArray[np.bool_]]:
+    """The limb up to the cuts with about ``count`` evenly spread vertices, closed; and which (V,) are the caps'.
+
+    ``surface`` reaches a little beyond the first cut, where it is open; further cuts go through what that leaves.
+    """
+    left = surface
+    for cut in cuts[1:]:
+        left = cut_off(left, cut, tip)
+    even = isotropic(surface, count=round(count * surface.area() / left.area()))
+    mesh, is_cap = closed(cut_off(even, cuts[0], tip))
+    for cut in cuts[1:]:
+        mesh, _ = closed(cut_off(mesh, cut, tip))
+        is_cap = height_in(cuts, mesh.vertices) < _ON_PLANE
+    return mesh, is_cap
 
 
 def cut_off(mesh: Mesh, cut: Cut, tip: Floats) -> Mesh:

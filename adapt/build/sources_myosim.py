@@ -7,6 +7,7 @@ axes (X forward, Y up, Z right). Lengths in metres.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adapt.build.meshes import Mesh, joined, parts_of
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3
 
@@ -37,6 +39,21 @@ class SourceHinge:
 
 
 @dataclass(frozen=True)
+class Follow:
+    """How a body follows one angle by a table instead of its hinges.
+
+    ``in_parent`` gives the body's place in its parent (4, 4) for the angle (rad) named ``angle``; ``anchor`` (m, in
+    the body's frame) is the point that is to stay where the parent has it when parent and body are scaled apart.
+    ``alignment`` turns the body about its anchor besides: how its bone grew, not how it moves.
+    """
+
+    angle: str
+    in_parent: Callable[[float], Floats]
+    anchor: tuple[float, float, float]
+    alignment: tuple[SourceHinge, ...] = ()
+
+
+@dataclass(frozen=True)
 class SourceBody:
     """One body: where it sits in its parent at zero, its hinges in order, and its bone in the body's frame."""
 
@@ -47,13 +64,35 @@ class SourceBody:
     hinges: tuple[SourceHinge, ...]
     vertices: Floats = field(repr=False)  # (N, 3) m
     faces: Ints = field(repr=False)  # (M, 3), outward
+    follow: Follow | None = None
 
-    def turned(self, angles: dict[str, float]) -> Floats:
-        """Rotation (3, 3) from this body to its parent for hinge angles by name (rad; missing ones are 0)."""
-        rotation = self.rotation
-        for hinge in self.hinges:
-            rotation = rotation @ exp_so3(hinge.axis * angles.get(hinge.name, 0.0))
-        return rotation
+    def in_parent(self, angles: dict[str, float]) -> tuple[Floats, Floats]:
+        """Rotation (3, 3) to the parent and place (3,) m in it, for angles by name (rad; missing ones are 0)."""
+        if self.follow is None:
+            return self.rotation @ _turned(self.hinges, angles), self.position
+        placed, anchor = self.follow.in_parent(angles.get(self.follow.angle, 0.0)), self.anchor()
+        turn = _turned(self.follow.alignment, angles)
+        return placed[:3, :3] @ turn, placed[:3, :3] @ (anchor - turn @ anchor) + placed[:3, 3]
+
+    def anchor(self) -> Floats:
+        """The point (3,) m of the body that its parent holds, whatever the scales."""
+        return np.zeros(3) if self.follow is None else np.array(self.follow.anchor)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some connected parts of a body as a body of its own: those whose middles lie in [low, high) (m) along ``axis``.
+
+    ``origin`` (m, in the whole's frame) becomes the origin, about which ``hinges`` turn the piece.
+    """
+
+    name: str
+    whole: str
+    axis: int
+    low: float
+    high: float
+    origin: tuple[float, float, float]
+    hinges: tuple[SourceHinge, ...]
 
 
 @dataclass(frozen=True)
@@ -64,8 +103,39 @@ class SourceSkeleton:
     bodies: dict[str, SourceBody]
 
 
-def load_skeleton(names: tuple[str, ...]) -> SourceSkeleton:
-    """Read bodies by name. Raises AnatomyError when the package or a body is missing."""
+def _turned(hinges: tuple[SourceHinge, ...], angles: dict[str, float]) -> Floats:
+    rotation = np.eye(3)
+    for hinge in hinges:
+        rotation = rotation @ exp_so3(hinge.axis * angles.get(hinge.name, 0.0))
+    return rotation
+
+
+def in_pieces(skeleton: SourceSkeleton, pieces: tuple[Piece, ...]) -> SourceSkeleton:
+    """The skeleton with some bodies replaced by their pieces, which stand as the whole does with its hinges at zero."""
+    bodies = {name: body for name, body in skeleton.bodies.items() if name not in {piece.whole for piece in pieces}}
+    for piece in pieces:
+        whole, origin = skeleton.bodies[piece.whole], np.array(piece.origin)
+        parts = [
+            part
+            for part in parts_of(Mesh(whole.vertices, whole.faces))
+            if piece.low <= part.vertices.mean(axis=0)[piece.axis] < piece.high
+        ]
+        mesh = joined(parts)
+        position = whole.position + whole.rotation @ origin
+        bodies[piece.name] = SourceBody(
+            piece.name, whole.parent, position, whole.rotation, piece.hinges, mesh.vertices - origin, mesh.faces
+        )
+    return replace(skeleton, bodies=bodies)
+
+
+def load_skeleton(
+    names: tuple[str, ...], *, without: tuple[str, ...] = (), follows: dict[str, Follow] | None = None
+) -> SourceSkeleton:
+    """Read bodies by name, ``without`` some of their meshes; some follow tables.
+
+    Raises:
+        AnatomyError: the package or a body is missing.
+    """
     try:
         import mujoco
         import myo_sim
@@ -79,7 +149,7 @@ def load_skeleton(names: tuple[str, ...]) -> SourceSkeleton:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
         if index < 0:
             raise AnatomyError(f"no body {name!r}", where=f"{PACKAGE} {MODEL}", remedy="use the tested release")
-        bodies[name] = _body(model, index, name)
+        bodies[name] = replace(_body(model, index, name, without), follow=(follows or {}).get(name))
     return SourceSkeleton(release=version(PACKAGE), bodies=bodies)
 
 
@@ -92,7 +162,7 @@ def shifted(skeleton: SourceSkeleton, shifts: dict[str, tuple[float, float, floa
     return replace(skeleton, bodies=moved)
 
 
-def _body(model: Any, index: int, name: str) -> SourceBody:
+def _body(model: Any, index: int, name: str, without: tuple[str, ...]) -> SourceBody:
     import mujoco
 
     m = model
@@ -107,18 +177,20 @@ def _body(model: Any, index: int, name: str) -> SourceBody:
         )
         for j in joints
     )
-    vertices, faces = _bone_mesh(m, index)
+    vertices, faces = _bone_mesh(m, index, without)
     position, quaternion = m.body_pos[index], m.body_quat[index]
     return SourceBody(name, parent, np.array(position), _matrix(quaternion), hinges, vertices, faces)
 
 
-def _bone_mesh(model: Any, body: int) -> tuple[Floats, Ints]:
-    """All mesh geometry of a body as one mesh in the body's frame."""
+def _bone_mesh(model: Any, body: int, without: tuple[str, ...]) -> tuple[Floats, Ints]:
+    """The mesh geometry of a body, without some meshes by name, as one mesh in the body's frame."""
+    import mujoco
+
     m = model
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for geom in np.flatnonzero(m.geom_bodyid == body):
         mesh = int(m.geom_dataid[geom])
-        if mesh < 0:
+        if mesh < 0 or mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_MESH, mesh) in without:
             continue
         first, length = m.mesh_vertadr[mesh], m.mesh_vertnum[mesh]
         points = np.asarray(m.mesh_vert[first : first + length], dtype=np.float64)

@@ -27,9 +27,10 @@ SKIN = SkinPlan(
     },
     stature=1.76,
     # From the armpit's apex over the acromion to the trapezius.
-    cut=Cut(point=(0.0, 0.490, 0.195), normal=(0.0, 0.46, 0.89)),
+    cuts=(Cut(point=(0.0, 0.490, 0.195), normal=(0.0, 0.46, 0.89)),),
     tip="r-finger-3-4",
     count=8000,
+    tet_edge=0.012,
 )
 
 POINTS = (
@@ -197,13 +198,22 @@ DEFORMERS = (
 UPPER_LIMB_RIGHT = LimbPlan(
     name="upper-limb-right",
     side="right",
+    facts=(
+        ("joint ranges, signs and names of coordinates", "Holzbaur, Murray & Delp (2005)"),
+        ("landmarks, bone frames", "Wu et al. (2005), ISB"),
+    ),
+    notes="",
     skin=SKIN,
     bodies=BODIES,
+    without=(),
+    pieces=(),
+    follows={},
     # The skin asks for a longer hand and a slimmer wrist than the source has: the carpus would press into the radius.
     shifts={"lunate_r": (0.0, -0.0010, 0.0)},
     bones=BONES,
     points=POINTS,
     axes=AXES,
+    splines=(),
     handles=HANDLES,
     joints=JOINTS,
     coordinates=COORDINATES,
@@ -215,7 +225,7 @@ UPPER_LIMB_RIGHT = LimbPlan(
         "flexion": ("flexion_r", 1.0),
     },
     deformers=DEFORMERS,
-    held=(HeldPart("hand", "capitate", "MC3_head", -0.009),),
+    held=(HeldPart("hand", "hand", "capitate", "MC3_head", -0.009),),
     cushions=(Cushion("ulna", "US", 0.013),),
     # The skin near the cut also follows the trunk; the fingers are held still by the model.
     fit_near_cut=((0.0, 0.08), (0.05, 1.0)),

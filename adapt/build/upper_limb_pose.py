@@ -72,21 +72,25 @@ def pose_upper_limb(
     values = fit_pose(arm, depth)
     held = {name: values[name] for name in (*ROOT, *_ARM_SCALE, "elbow_flexion_r", "pro_sup_r")}
     hand = _hand_problem(skeleton, goals, held, values)
-    first = fit_pose(replace(hand, checked=(), targets=(*hand.targets, *_knuckle_targets(goals))), depth)
+    first = fit_pose(replace(hand, clearance={}, targets=(*hand.targets, *_knuckle_targets(goals))), depth)
     started = tuple(replace(unknown, prior=first[unknown.name]) for unknown in hand.unknowns)
     values = fit_pose(replace(hand, unknowns=started), depth)
     return values, placed_bodies(replace(hand, skeleton=skeleton), values)
 
 
-def _scales() -> dict[str, tuple[str, str]]:
-    """Which two scales, across and along, each body has."""
-    scale = {"humerus_r": ("log_humerus", "log_humerus")}
-    scale |= dict.fromkeys(("ulna_r", "radius_r"), ("log_forearm_across", "log_forearm_along"))
-    scale |= dict.fromkeys(CARPALS, ("log_palm_across", "log_palm_along"))
+def _scales() -> dict[str, tuple[str, str, str]]:
+    """Which scales, across (x and z) and along (y), each body has."""
+    scale = {"humerus_r": _across_along("humerus", "humerus")}
+    scale |= dict.fromkeys(("ulna_r", "radius_r"), _across_along("forearm_across", "forearm_along"))
+    scale |= dict.fromkeys(CARPALS, _across_along("palm_across", "palm_along"))
     for k, (metacarpal, *phalanges) in FINGERS.items():
-        scale[metacarpal] = ("log_palm_across", "log_palm_along")
-        scale |= dict.fromkeys(phalanges, (f"log_finger{k}_across", f"log_finger{k}_along"))
+        scale[metacarpal] = _across_along("palm_across", "palm_along")
+        scale |= dict.fromkeys(phalanges, _across_along(f"finger{k}_across", f"finger{k}_along"))
     return scale
+
+
+def _across_along(across: str, along: str) -> tuple[str, str, str]:
+    return f"log_{across}", f"log_{along}", f"log_{across}"
 
 
 def _arm_problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProblem:
@@ -115,8 +119,7 @@ def _arm_problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProb
         scale_of=_scales(),
         unknowns=unknowns,
         fixed=dict.fromkeys(_HAND_SCALE, log(1.1)),
-        checked=ARM,
-        clearance=0.0045,
+        clearance=dict.fromkeys(ARM, 0.0045),
         targets=(
             Target("lunate_r", np.zeros(3), wrist + _WRIST_LOWER * _unit(knuckles - wrist), 0.004),
             Target("ulna_r", np.zeros(3), elbow, 0.006),
@@ -153,8 +156,7 @@ def _hand_problem(
         scale_of=_scales(),
         unknowns=tuple(unknowns),
         fixed=held,
-        checked=_HAND,
-        clearance=0.0033,
+        clearance=dict.fromkeys(_HAND, 0.0033),
         targets=_finger_targets(skeleton, goals),
         spread=0.0007,
     )

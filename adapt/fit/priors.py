@@ -51,11 +51,12 @@ def shape_precision(anatomy: Anatomy, affine: AffineSet) -> Floats:
 
 
 def _bones_between_groups(anatomy: Anatomy, affine: AffineSet) -> list[tuple[int, int]]:
-    """Pairs of handle groups that a bone spans, each once."""
+    """Pairs of handle groups that a bone spans, each once; a bone within one group (a kneecap) spans none."""
     pairs = []
     for bone in anatomy.bones:
         groups = [affine.groups.index(h.joint) for h in anatomy.handles if h.bone == bone.name]
-        pairs.append((groups[0], groups[-1]))
+        if groups[0] != groups[-1]:
+            pairs.append((groups[0], groups[-1]))
     return list(dict.fromkeys(pairs))
 
 

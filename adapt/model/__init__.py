@@ -2,5 +2,5 @@
 
 Read in this order: ``variation`` (a value and its partial derivatives), ``frames`` (landmarks to frames),
 ``joints`` (one motion per joint type), ``kinematics`` (the chain), ``handles`` (anthropometric deformation),
-``deformers`` (rigid, forearm), ``body`` (all of it together).
+``deformers`` (rigid, forearm, bend), ``body`` (all of it together).
 """

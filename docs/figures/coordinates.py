@@ -22,6 +22,17 @@ MEANING = {
     "pro_sup": "pronation; 0 is the thumb forward in a hanging arm",
     "deviation": "ulnar deviation",
     "flexion": "flexion towards the palm",
+    "hip_rx": "rotation vector of the pelvis, x",
+    "hip_ry": "rotation vector of the pelvis, y",
+    "hip_rz": "rotation vector of the pelvis, z",
+    "hip_tx": "centre of the hip, x",
+    "hip_ty": "centre of the hip, y",
+    "hip_tz": "centre of the hip, z",
+    "hip_flexion_r": "flexion",
+    "hip_adduction_r": "adduction",
+    "hip_rotation_r": "inward rotation",
+    "knee_angle_r": "flexion; 0 is the straight knee",
+    "ankle_angle_r": "dorsiflexion",
 }
 
 

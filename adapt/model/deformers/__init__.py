@@ -8,22 +8,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from adapt.anatomy import Anatomy, Deformer
+from adapt.model.deformers.bend import BoundBend, bind_bend, carry_bend
 from adapt.model.deformers.forearm import BoundForearm, bind_forearm, carry_forearm
 from adapt.model.deformers.rigid import rigid
 from adapt.model.variation import Motion, Points
 
-Bound = Points | BoundForearm
-"""Skin at rest, as its deformer wants it: both types know some of their points by ``at``."""
+Bound = Points | BoundForearm | BoundBend
+"""Skin at rest, as its deformer wants it: all types know some of their points by ``at``."""
 
 
 def bind(anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Bound:
     """What a deformer has to know of rest points of ``skin`` and of the landmarks, whatever the pose."""
-    return skin if deformer.type == "rigid" else bind_forearm(anatomy, deformer.frames, p, skin)
+    match deformer.type:
+        case "rigid":
+            return skin
+        case "forearm":
+            return bind_forearm(anatomy, deformer.frames, p, skin)
+        case "bend":
+            return bind_bend(anatomy, deformer.frames, p, skin)
 
 
 def carry(deformer: Deformer, bound: Bound, motions: Mapping[str, Motion]) -> Points:
     """D_d(theta, p, v_tilde): where the deformer carries each bound point."""
-    if isinstance(bound, BoundForearm):
-        proximal, distal = deformer.bones
-        return carry_forearm(bound, (motions[proximal], motions[distal]))
-    return rigid(motions[deformer.bones[0]], bound)
+    if isinstance(bound, Points):
+        return rigid(motions[deformer.bones[0]], bound)
+    first, second = (motions[bone] for bone in deformer.bones)
+    return carry_bend(bound, (first, second)) if isinstance(bound, BoundBend) else carry_forearm(bound, (first, second))

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame, Ints
+from adapt.model.deformers.between import blended_frames
 from adapt.model.frames import frame_from_landmarks
 from adapt.model.variation import Motion, Points, compose, mere_points, still_points
-from capture.rigid import hat, left_jacobian_so3, log_so3
+from capture.rigid import hat
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def bind_forearm(anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: P
     """Skin points at rest in the frames that stand between the two, with derivatives."""
     proximal, distal = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
     t, dt = _along(proximal, distal, skin)
-    frame = _blend(proximal, distal, t, dt)
+    frame = blended_frames(proximal, distal, t, dt)
     reach = skin.value - frame.origin
     local = np.einsum("nji,nj->ni", frame.rotation, reach)
     if skin.still and not p.d.any():  # then nothing varies at rest
@@ -58,7 +59,7 @@ def bind_forearm(anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: P
 def carry_forearm(bound: BoundForearm, motions: tuple[Motion, Motion]) -> Points:
     """The bound points where the twisting forearm carries them, with derivatives."""
     proximal, distal = compose(motions[0], bound.proximal), compose(motions[1], bound.distal)
-    frame = _blend(proximal, distal, bound.t, bound.dt)
+    frame = blended_frames(proximal, distal, bound.t, bound.dt)
     arm = np.einsum("nij,nj->ni", frame.rotation, bound.local.value)
     if not proximal.n:
         return mere_points(arm + frame.origin)
@@ -67,16 +68,6 @@ def carry_forearm(bound: BoundForearm, motions: tuple[Motion, Motion]) -> Points
     if not bound.local.still:
         d += np.matmul(frame.rotation, bound.local.d)
     return Points(arm + frame.origin, d)
-
-
-@dataclass(frozen=True)
-class _Blended:
-    """One frame per point: origin (N, 3), rotation (N, 3, 3) and their derivatives (N, 3, n)."""
-
-    origin: Floats
-    rotation: Floats
-    d_origin: Floats
-    d_rotation: Floats
 
 
 def _along(proximal: Motion, distal: Motion, skin: Points) -> tuple[Floats, Floats]:
@@ -88,39 +79,3 @@ def _along(proximal: Motion, distal: Motion, skin: Points) -> tuple[Floats, Floa
     dt = (np.matmul(axis, d_reach) + reach @ d_axis - 2.0 * t[:, None] * (axis @ d_axis)) / length2
     inside = (t > 0.0) & (t < 1.0)
     return np.clip(t, 0.0, 1.0), dt * inside[:, None]
-
-
-def _blend(proximal: Motion, distal: Motion, t: Floats, dt: Floats) -> _Blended:
-    """The frames at ``t`` (N,): all turn about the one axis rho, so each is a few numbers times fixed matrices.
-
-    With K = hat(rho) / |rho| and x = t |rho|:  exp(t rho) = I + sin(x) K + (1 - cos(x)) K^2. The derivative of R(t)
-    is t J_l(t rho) d_rho + rho dt + exp(t rho) d_R_p, because J_l(t rho) rho = rho, with the left Jacobian
-    t J_l(t rho) = t I + (1 - cos(x)) / |rho| K + (t - sin(x) / |rho|) K^2.
-    """
-    rho = log_so3(distal.rotation @ proximal.rotation.T)
-    angle = np.sqrt(rho @ rho) or 1.0  # without a twist K is 0, and any angle will do
-    k = hat(rho) / angle
-    powers, sine, versine = np.array([np.eye(3), k, k @ k]), np.sin(angle * t), 1.0 - np.cos(angle * t)
-    slide, turn = np.array([np.ones_like(t), t]), np.array([np.ones_like(t), sine, versine])
-    span = distal.translation - proximal.translation
-    origin = _combined(slide, np.array([proximal.translation, span])[:, :, None])[:, :, 0]
-    rotation = _combined(turn, powers @ proximal.rotation)
-    if not proximal.n:
-        return _Blended(origin, rotation, *np.zeros((2, len(t), 3, 0)))
-
-    d_span = distal.d_translation - proximal.d_translation
-    d_between = distal.d_rotation - distal.rotation @ proximal.rotation.T @ proximal.d_rotation
-    d_rho = np.linalg.solve(left_jacobian_so3(rho), d_between)
-    swing = np.array([t, versine / angle, t - sine / angle])
-    d_origin = _combined(slide, np.array([proximal.d_translation, d_span]))
-    d_rotation = _combined(
-        np.concatenate([turn, swing]), np.concatenate([powers @ proximal.d_rotation, powers @ d_rho])
-    )
-    by_t = dt[:, None, :]
-    return _Blended(origin, rotation, d_origin + span[:, None] * by_t, d_rotation + rho[:, None] * by_t)
-
-
-def _combined(shares: Floats, matrices: Floats) -> Floats:
-    """For each column of ``shares`` (K, N) the sum (N, 3, n) of those shares of the ``matrices`` (K, 3, n)."""
-    combined = shares.T @ matrices.reshape(len(matrices), -1)
-    return np.asarray(combined.reshape(shares.shape[1], *matrices.shape[1:]))

@@ -1,4 +1,4 @@
-"""Hinge and universal joint: turns about lines through landmarks, each riding on the one before."""
+"""Hinge, universal joint and ball: turns about lines through landmarks, each riding on the one before."""
 
 from __future__ import annotations
 
