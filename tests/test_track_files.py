@@ -19,7 +19,7 @@ from track.angles import read_thorax, refuse_without_humerus, reported_coordinat
 from track.export import export_motion, export_subject
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.opensim_files import write_mot, write_trc
-from track.performance import PerformanceError, read_motion_table
+from track.performance import PerformanceError, perform_tables, read_motion_table
 from track.quality_table import write_quality
 from track.run import write_motion_folder
 
@@ -376,3 +376,18 @@ def test_a_motion_table_that_makes_no_sense_is_refused(tmp_path, limb, text):
     (tmp_path / "motion.csv").write_text(text)
     with pytest.raises(PerformanceError, match=r"motion\.csv"):
         read_motion_table(tmp_path / "motion.csv", limb.subject.body)
+
+
+def test_tables_are_performed_at_their_liveliest_one_after_the_other(limb, tmp_path):
+    body = limb.subject.body
+    elbow = body.anatomy.coordinate_index("elbow_flexion")
+    time = np.arange(0.0, 4.0, 0.02)
+    still_then_bending = np.where(time < 2.0, 0.5, 0.5 + 0.5 * np.sin(np.pi * (time - 2.0)))
+    path = tmp_path / "table.csv"
+    rows = ["time,elbow_flexion", *(f"{t:.3f},{angle:.5f}" for t, angle in zip(time, still_then_bending, strict=True))]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    performance = perform_tables(body, [path, path], seconds_each=1.0, fps=30.0)
+    assert len(performance.times) == 30 + 10 + 30
+    np.testing.assert_allclose(np.diff(performance.times), 1.0 / 30.0)
+    for part in (performance.thetas[:30, elbow], performance.thetas[-30:, elbow]):
+        assert np.ptp(part) > 0.45

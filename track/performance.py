@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -105,6 +106,37 @@ def perform(
     parts = [_theta(body, columns, count) for columns in waves]
     thetas = _sway(body, _joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
     return Performance(body, np.arange(len(thetas)) / fps, thetas)
+
+
+def perform_tables(
+    body: Body, tables: Sequence[Path], *, seconds_each: float, fps: float = FPS, seed: int = 0
+) -> Performance:
+    """Recorded joint angles one table after the other, joined and swaying as in ``perform``.
+
+    Of each table (see ``read_motion_table``) the liveliest ``seconds_each`` are taken, or all of a shorter one.
+
+    Raises:
+        PerformanceError: a table cannot be read.
+    """
+    parts = [_liveliest(_resampled(read_motion_table(path, body), fps), round(seconds_each * fps)) for path in tables]
+    thetas = _sway(body, _joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
+    return Performance(body, np.arange(len(thetas)) / fps, thetas)
+
+
+def _resampled(performance: Performance, fps: float) -> Floats:
+    """Poses (T, n) at a steady rate."""
+    start, end = performance.times[[0, -1]]
+    times = start + np.arange(round((end - start) * fps) + 1) / fps
+    return np.column_stack([np.interp(times, performance.times, column) for column in performance.thetas.T])
+
+
+def _liveliest(thetas: Floats, count: int) -> Floats:
+    """The ``count`` successive poses in which the angles change most."""
+    if len(thetas) <= count:
+        return thetas
+    change = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(thetas, axis=0)).sum(axis=1))])
+    start = int(np.argmax(change[count - 1 :] - change[: len(change) - count + 1]))
+    return thetas[start : start + count]
 
 
 def read_motion_table(path: Path, body: Body) -> Performance:

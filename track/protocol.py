@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +26,26 @@ from capture.files import replaced_when_complete
 from capture.recording import Recording, open_recording
 from capture.sensor import NoiseModel, carmine
 from track.evaluate import evaluate_motion
-from track.performance import motion_names, perform, random_body
+from track.performance import motion_names, perform, perform_tables, random_body
 from track.run import track_recording
 from track.simulate import simulate_performance
 
 NOISES = {"carmine": carmine(), "none": NoiseModel()}
 
 
-def run_subject(anatomy: Anatomy, seed: int, noise: str, seconds_each: float, folder: Path) -> dict[str, Any]:
-    """Simulate, calibrate, adapt, track and evaluate one random subject; returns the evaluation as plain JSON."""
+def run_subject(
+    anatomy: Anatomy, seed: int, noise: str, seconds_each: float, folder: Path, *, tables: Sequence[Path] = ()
+) -> dict[str, Any]:
+    """Simulate, calibrate, adapt, track and evaluate one random subject; returns the evaluation as plain JSON.
+
+    The subject moves as the ``tables`` say, or as the anatomy's made-up motions where there are none.
+    """
     body = random_body(anatomy, seed)
-    performance = perform(body, motion_names(anatomy), seconds_each=seconds_each, seed=seed)
+    performance = (
+        perform_tables(body, tables, seconds_each=seconds_each, seed=seed)
+        if tables
+        else perform(body, motion_names(anatomy), seconds_each=seconds_each, seed=seed)
+    )
     recording = simulate_performance(performance, folder / "recording", noise=NOISES[noise], seed=seed, overwrite=True)
     recording = calibrated(recording)
     subject = adapt_recording(recording, anatomy)
@@ -92,8 +102,17 @@ def show(results: list[dict[str, Any]], title: str, markdown: Path) -> None:
 @click.option("--first-seed", default=1, show_default=True)
 @click.option("--noise", type=click.Choice([*NOISES, "both"]), default="both", show_default=True)
 @click.option("--seconds", default=2.0, show_default=True, help="Length of each of the motions.")
+@click.option(
+    "--motion",
+    "tables",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A table of recorded joint angles to perform instead of the made-up motions; may be given several times.",
+)
 @click.option("--out", required=True, type=click.Path(path_type=Path))
-def main(anatomy: str, subjects: int, first_seed: int, noise: str, seconds: float, out: Path) -> None:
+def main(
+    anatomy: str, subjects: int, first_seed: int, noise: str, seconds: float, tables: tuple[Path, ...], out: Path
+) -> None:
     """Run the accuracy protocol and print its tables."""
     template = load_anatomy(anatomy)
     for kind in NOISES if noise == "both" else [noise]:
@@ -104,7 +123,7 @@ def main(anatomy: str, subjects: int, first_seed: int, noise: str, seconds: floa
             if not done.is_file():
                 folder.mkdir(parents=True, exist_ok=True)
                 with stdout.status(f"subject {seed}, noise {kind}"):
-                    result = run_subject(template, seed, kind, seconds, folder)
+                    result = run_subject(template, seed, kind, seconds, folder, tables=tables)
                 with replaced_when_complete(done) as partial:
                     partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
             results.append(json.loads(done.read_text(encoding="utf-8")))
