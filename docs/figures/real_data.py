@@ -21,13 +21,15 @@ from rich.table import Table
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target, visible_from
 from adapt.fit.sample import sample_skin
-from adapt.model.body import Body, pose_skin
+from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.subject import load_subject
 from capture._open3d import open3d
+from capture.camera import project
 from capture.commands import as_region
 from capture.console import stdout
-from capture.fuse import Cloud, fuse
+from capture.fuse import Cloud, View, fuse
 from capture.recording import instants, open_recording
+from capture.rigid import apply, inverse
 from track.cli import bonetrack
 from track.motion import load_motion
 from track.pictures import body_layers
@@ -37,6 +39,7 @@ _LIMB_M = 0.05  # points farther from the skin belong to something else
 _COUNTS = 0.5  # skin with at least this fit weight: not the fingers, not the shoulder's cut
 _FINE_M = 0.003
 _PANEL = (240, 190)
+_TILE = (300, 300)
 _SHOWN_POINTS = 4  # one of so many, lest they hide the limb
 
 
@@ -139,6 +142,40 @@ def report(case: Case, work: Path, picture: Path) -> None:
     save_png(_sheet(panels), picture)
 
 
+def outlines(case: Case, work: Path, picture: Path) -> None:
+    """The example poses as the sensor saw them: outline of the fitted skin (red) and bones (yellow) on the depth."""
+    recording, subject = open_recording(work / case.name), load_subject(work / f"{case.name}.npz")
+    moments, region, tiles = instants(recording), as_region(case.region), []
+    for theta, time in zip(subject.thetas, subject.times, strict=True):
+        moment = min(moments, key=lambda m: abs(m.time_s - time))
+        view = fuse(recording, moment, region=region).views[0]
+        skin = _pixels(view, pose_skin(subject.body, theta))
+        outline = np.zeros(view.depth.shape, np.uint8)
+        for triangle in skin[subject.anatomy.skin_faces]:
+            cv2.fillConvexPoly(outline, triangle, 255)
+        image = cv2.cvtColor(_grey(view.depth), cv2.COLOR_GRAY2RGB)
+        contours, _ = cv2.findContours(outline, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(image, contours, -1, (255, 0, 0), 1)
+        for bone in posed_bones(subject.body, theta).values():
+            for x, y in _pixels(view, bone[::6]):
+                cv2.circle(image, (int(x), int(y)), 0, (255, 255, 0))
+        (left, top), (right, bottom) = np.maximum(skin.min(axis=0) - 15, 0), skin.max(axis=0) + 15
+        tiles.append(np.asarray(cv2.resize(image[top:bottom, left:right], _TILE), dtype=np.uint8))
+    save_png(_sheet(tiles, columns=4), picture)
+
+
+def _pixels(view: View, points: Floats) -> NDArray[np.int32]:
+    uv, _ = project(view.camera, apply(inverse(view.world_from_sensor), points))
+    return np.rint(uv).astype(np.int32)
+
+
+def _grey(depth: Floats) -> NDArray[np.uint8]:
+    """Near is bright, nothing is black."""
+    seen = depth[depth > 0.0]
+    shade = 255.0 - 200.0 * (depth - seen.min()) / max(float(np.ptp(seen)), 1e-6)
+    return np.where(depth > 0.0, np.clip(shade, 30.0, 255.0), 0.0).astype(np.uint8)
+
+
 def _sheet(panels: list[NDArray[np.uint8]], *, columns: int = 3) -> NDArray[np.uint8]:
     rows = -(-len(panels) // columns)
     filled = [*panels, *[np.full_like(panels[0], 255)] * (rows * columns - len(panels))]
@@ -163,6 +200,7 @@ def main(recordings: Path, work: Path, out: Path, only: str | None) -> None:
             stdout.print(f"bonetrack {command}", highlight=False, soft_wrap=True)
             if not result.exists():
                 bonetrack.main(shlex.split(command), standalone_mode=False)
+        outlines(case, work, out / f"real-{case.name}-poses.png")
         report(case, work, out / f"real-{case.name}.png")
 
 
