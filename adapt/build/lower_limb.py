@@ -337,6 +337,6 @@ LOWER_LIMB_RIGHT = LimbPlan(
     cushions=(),
     # The skin near the cuts also follows the trunk and the other leg; the toes are held still by the model.
     fit_near_cut=((0.0, 0.05), (0.04, 1.0)),
-    fit_ramps=(RampPlan("heel", "MT2_head", (0.15, 0.19, 0.22), (1.0, 0.6, 0.1)),),
+    fit_ramps=(RampPlan("talus", "toe1_tip", (0.13, 0.16, 0.20), (1.0, 0.7, 0.3)),),
     pose=pose_lower_limb,
 )
