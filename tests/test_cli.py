@@ -15,12 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adapt.anatomy import load_anatomy
 from adapt.subject import load_subject, save_subject
 from capture.depth_png import write_readings
 from capture.recording import open_recording
 from capture.rigid import inverse
 from tests.known_limb import ANATOMY, bending_and_twisting, carried
 from track.cli import main
+from track.demo import samples
 from track.evaluate import read_truth, world_from_common
 from track.motion import load_motion
 
@@ -377,3 +379,15 @@ def test_help_lists_every_command_and_loads_nothing_heavy():
     code = "import sys, track.cli; print(*{'numpy', 'scipy', 'open3d', 'cv2', 'igl', 'matplotlib'} & set(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert not loaded.strip()
+
+
+def test_a_demo_without_a_sample_says_which_there_are(tmp_path):
+    said = fails("demo", "--anatomy", "upper-limb-left", "--out", tmp_path / "demo", saying="upper-limb-left")
+    assert "upper-limb-right" in said
+    assert not (tmp_path / "demo").exists()
+
+
+def test_every_sample_recording_is_of_a_known_anatomy():
+    for anatomy, path in samples().items():
+        assert load_anatomy(anatomy).name == anatomy
+        assert read_truth(open_recording(path)).body.anatomy.name == anatomy

@@ -37,7 +37,6 @@ from capture.fuse import fuse, region_of_interest
 from capture.preprocess import clean_depth
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import apply, exp_so3, inverse, log_so3
-from track.demo import SAMPLE
 from track.evaluate import read_truth, world_from_common
 from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker, pose_covariance
 
@@ -234,7 +233,7 @@ def _opened(path: Path) -> Recording:
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path), default=Path("recordings") / SAMPLE)
+@click.argument("recording", type=click.Path(path_type=Path), default=Path("recordings/upper-limb-right-sample"))
 @click.option("--subject", type=click.Path(path_type=Path), help="Who moves there; else who was simulated.")
 @click.option("--repeat", default=5, show_default=True, type=click.IntRange(min=1), help="How often each stage runs.")
 @click.option("--adapt", is_flag=True, help="Also time the whole automatic adaptation, once.")

@@ -164,12 +164,13 @@ def export_command(source: Path, subject: Path | None, frame: int | None, out: P
 
 
 @click.command("demo")
+@click.option("--anatomy", default="upper-limb-right", show_default=True, help="Whose sample recording.")
 @click.option("--out", type=_PATH, default=Path("demo"), show_default=True, help="The folder to write.")
-def demo_command(out: Path) -> None:
-    """The whole main job on the sample recording: calibrate, adapt, track, compare with the truth."""
+def demo_command(anatomy: str, out: Path) -> None:
+    """The whole main job on a sample recording: calibrate, adapt, track, compare with the truth."""
     from track.demo import run_demo
 
-    run_demo(out)
+    run_demo(out, anatomy=anatomy)
 
 
 def _performance(anatomy: str, motion: Path, subject: Path | None):  # type: ignore[no-untyped-def]

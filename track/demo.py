@@ -26,23 +26,23 @@ from track.motion import Motion
 from track.pictures import picture_fit
 from track.run import track_recording
 
-SAMPLE = "upper-limb-right-sample"
 ANATOMY = "upper-limb-right"
+_SAMPLE = "-sample"
 _PICTURES = 3
 
 
-def run_demo(out: Path) -> None:
-    """Calibrate, adapt, track and evaluate the sample recording; write everything into ``out``.
+def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
+    """Calibrate, adapt, track and evaluate an anatomy's sample recording; write everything into ``out``.
 
     Raises:
         RecordingError: the sample recording is not at hand.
     """
-    recording = _copy_of_sample(out / "recording")
+    recording = _copy_of_sample(anatomy, out / "recording")
     with _step("calibrating the sensors by the box"):
         write_calibration(recording, calibrate_recording(recording))
         recording = open_recording(recording.path)
     with _step("adapting the anatomy") as note:
-        subject = adapt_into(out / "subject.npz", recording, load_anatomy(ANATOMY), progress=note)
+        subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note)
     print_subject(subject.report, out / "subject.npz")
     with _step("tracking") as note:
         motion = track_recording(
@@ -68,19 +68,26 @@ def _step(what: str) -> Iterator:  # type: ignore[type-arg]
     stdout.print(f"{what}: {time.perf_counter() - start:.1f} s", highlight=False)
 
 
-def _copy_of_sample(to: Path) -> Recording:
+def samples() -> dict[str, Path]:
+    """The sample recordings at hand, by anatomy."""
+    for folder in (Path(__file__).parents[1] / "recordings", Path("recordings")):
+        found = {path.name.removesuffix(_SAMPLE): path for path in sorted(folder.glob(f"*{_SAMPLE}"))}
+        if found:
+            return found
+    return {}
+
+
+def _copy_of_sample(anatomy: str, to: Path) -> Recording:
     """A copy, so that calibrating leaves the sample as it came."""
-    places = [Path(__file__).parents[1] / "recordings" / SAMPLE, Path("recordings") / SAMPLE]
-    sample = next((place for place in places if place.is_dir()), None)
-    if sample is None:
-        raise RecordingError(
-            "the sample recording is not here", where=places[1], remedy="run the demo in a checkout of the project"
-        )
+    known = samples()
+    if anatomy not in known:
+        remedy = f"there are samples of {', '.join(known)}" if known else "run the demo in a checkout of the project"
+        raise RecordingError(f"no sample recording of {anatomy}", where=Path("recordings"), remedy=remedy)
     if to.exists():
         open_recording(to)  # only a recording may be replaced
         shutil.rmtree(to)
     shutil.rmtree(to.parent / "motion", ignore_errors=True)
-    shutil.copytree(sample, to)
+    shutil.copytree(known[anatomy], to)
     return open_recording(to)
 
 
