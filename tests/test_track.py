@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import track.tracker
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
@@ -61,6 +62,17 @@ def test_a_performance_is_followed_without_loss(limb, tracked):
     for t in range(FRAMES):
         for name, centre in joint_centres(limb.subject.body, limb.thetas[t]).items():
             assert np.linalg.norm(motion.centres[name][t] - centre) < 0.015, (t, name)
+
+
+@pytest.mark.parametrize(("attached", "lost"), [(0.6, True), (0.2, False)])
+def test_a_limb_found_anew_whose_outline_lies_on_other_surface_is_lost(limb, tracker, monkeypatch, attached, lost):
+    """A person's trunk has points near all the skin of an arm laid on it: only the outline tells."""
+    scored = track.tracker.score_pose
+    monkeypatch.setattr(track.tracker, "score_pose", lambda *given: replace(scored(*given), attached=attached))
+    frame, state = tracker.first(limb.targets[0], 0.0)
+    assert ("outline lies on other surface" in frame.lost) == lost
+    assert np.isnan(frame.theta).all() == lost
+    assert (state is None) == lost
 
 
 def test_a_motion_says_how_sure_it_is(tracked):
