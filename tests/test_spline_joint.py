@@ -27,7 +27,7 @@ from tests.toy_leg import REST, REST_FROM_FEMUR, place, toy_leg
 from track.angles import reported_coordinates
 
 FLEXIONS = np.deg2rad(np.linspace(0.0, 120.0, 49))
-NUMERIC_CHECK = Path("/work/shared/kinematics/facts.json")
+NUMERIC_CHECK = Path(__file__).parents[2] / "shared" / "kinematics" / "facts.json"
 
 
 @pytest.fixture(scope="module")
