@@ -12,7 +12,7 @@ from capture.console import stdout
 
 @click.command("adapt")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--anatomy", required=True, help="The limb: upper-limb-right or upper-limb-left.")
+@click.option("--anatomy", required=True, help="The limb, as upper-limb-right or lower-limb-left.")
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The subject file to write (.npz)."
 )

@@ -98,7 +98,8 @@ def read_json(path: Path, *, format_name: str, newest_version: int) -> Checked:
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise RecordingError(f"cannot be read ({error.strerror})", where=path) from error
+        problem = f"cannot be read ({error.strerror})"
+        raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
     except (ValueError, RecursionError) as error:
         raise RecordingError(f"is not valid JSON ({error})", where=path, remedy=_REMEDY) from error
     if not isinstance(value, dict) or value.get("format") != format_name:

@@ -100,7 +100,7 @@ def read_calibration(file: Path, sensor_names: list[str]) -> Calibration | None:
 
 def _no_header(path: Path) -> RecordingError:
     if not path.exists():
-        return RecordingError("does not exist", where=path)
+        return RecordingError("does not exist", where=path, remedy="name the folder of a recording")
     if not path.is_dir():
         return RecordingError(
             "is not a recording folder", where=path, remedy="bring other formats in with `bonetrack import`"
@@ -187,7 +187,7 @@ def _frames(list_file: Path) -> tuple[FrameFile, ...]:
     except (OSError, ValueError, csv.Error) as error:
         raise RecordingError(f"cannot be read as a list of frames ({error})", where=list_file) from error
     if not rows or [cell.strip() for cell in rows[0]] != ["file", "time_s"]:
-        raise RecordingError("the first line must be 'file,time_s'", where=list_file)
+        raise RecordingError("the first line must be 'file,time_s'", where=list_file, remedy="write it so")
     frames: list[FrameFile] = []
     for line, row in enumerate(rows[1:], start=2):
         if not row:

@@ -72,7 +72,8 @@ def _bytes(path: Path, count: int = -1) -> bytes:
         with path.open("rb") as file:
             return file.read(count)
     except OSError as error:
-        raise RecordingError(f"cannot be read ({error.strerror})", where=path) from error
+        problem = f"cannot be read ({error.strerror})"
+        raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
 
 
 def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:

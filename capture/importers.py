@@ -104,7 +104,8 @@ def _raw_images(file: Path, camera: Camera) -> Iterator[NDArray[np.uint16]]:
                 readings = np.frombuffer(stream.read(image_bytes), dtype="<u2")
                 yield readings.reshape(camera.height, camera.width).astype(np.uint16)
     except OSError as error:
-        raise RecordingError(f"cannot be read ({error.strerror})", where=file) from error
+        problem = f"cannot be read ({error.strerror})"
+        raise RecordingError(problem, where=file, remedy="check the file and its permissions") from error
 
 
 _READERS: dict[Kind, Callable[[Path, Camera], Iterator[NDArray[np.uint16]]]] = {"png": _png_image, "raw": _raw_images}

@@ -51,7 +51,8 @@ def instants(recording: Recording, tolerance_s: float = 1.0 / 60.0) -> list[Inst
     """
     clock = max(recording.sensors, key=lambda sensor: len(sensor.frames))
     if not clock.frames:
-        raise RecordingError("there are no depth frames, only box frames", where=recording.path)
+        problem = "there are no depth frames, only box frames"
+        raise RecordingError(problem, where=recording.path, remedy="record the person, too")
     frames = [{clock.name: frame} for frame in clock.frames]
     clock_times = np.array([frame.time_s for frame in clock.frames])
     for sensor in recording.sensors:

@@ -382,7 +382,7 @@ def _read_mesh_file(path: Path) -> tuple[Floats, Ints, float]:
             missing = [key for key in ("vertices", "faces", "fps") if key not in data]
             arrays = {} if missing else {key: data[key] for key in ("vertices", "faces", "fps")}
     except FileNotFoundError as error:
-        raise RecordingError("does not exist", where=path) from error
+        raise RecordingError("does not exist", where=path, remedy="name the mesh's .npz file") from error
     except UNREADABLE as error:
         raise RecordingError("is not an .npz file of plain arrays", where=path, remedy="use numpy.savez") from error
     if missing:
@@ -395,5 +395,6 @@ def _read_mesh_file(path: Path) -> tuple[Floats, Ints, float]:
             f"vertices must be floating point numbers (T, V, 3), got {vertices.dtype} {vertices.shape}", where=path
         )
     if fps.size != 1 or fps.dtype.kind not in "iuf" or not 0.0 < float(fps.reshape(())) < np.inf:
-        raise RecordingError(f"fps must be one positive number, got {fps}", where=path)
+        problem = f"fps must be one positive number, got {fps}"
+        raise RecordingError(problem, where=path, remedy="store fps as one number, as 30.0")
     return vertices.astype(np.float64), arrays["faces"], float(fps.reshape(()))

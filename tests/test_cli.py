@@ -61,6 +61,7 @@ def fails(*arguments, saying: str) -> str:
     assert "Traceback" not in ran.err
     assert "unexpected" not in ran.err
     assert saying in lines[0], lines[0]
+    assert "; " in lines[0], f"does not say what to do: {lines[0]}"
     return lines[0]
 
 
@@ -388,6 +389,7 @@ def test_a_demo_without_a_sample_says_which_there_are(tmp_path):
 
 
 def test_every_sample_recording_is_of_a_known_anatomy():
+    assert {"upper-limb-right", "lower-limb-right"} <= set(samples())
     for anatomy, path in samples().items():
         assert load_anatomy(anatomy).name == anatomy
         assert read_truth(open_recording(path)).body.anatomy.name == anatomy

@@ -273,6 +273,9 @@ def test_some_vertices_pose_as_they_do_among_all(body: Body, theta: np.ndarray) 
     np.testing.assert_array_equal(
         pose_skin_varying(body, theta, vertices=some).d, pose_skin_varying(body, theta).d[some]
     )
+    few, all_of_them = pose_skin_by_v_hat(body, theta, vertices=some), pose_skin_by_v_hat(body, theta)
+    np.testing.assert_allclose(few.value, all_of_them.value[some], atol=1e-14)
+    np.testing.assert_allclose(few.d, all_of_them.d[some], atol=1e-14)
 
 
 def test_deformers_that_touch_few_vertices_move_them_as_they_would_among_many(

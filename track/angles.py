@@ -100,7 +100,7 @@ def read_thorax(path: Path) -> Floats:
     try:
         matrix = np.array(json.loads(path.read_text(encoding="utf-8")), dtype=np.float64)
     except OSError as error:
-        raise MotionError("cannot be read", where=path) from error
+        raise MotionError("cannot be read", where=path, remedy="name a JSON file with the thorax frame") from error
     except (ValueError, TypeError) as error:
         raise MotionError("is not a JSON list of numbers", where=path, remedy="give four rows of four") from error
     rigid = matrix.shape == (4, 4) and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4)

@@ -14,7 +14,7 @@ _PATH = click.Path(path_type=Path)
 
 @click.command("simulate")
 @click.option("--mesh", type=_PATH, help="A moving mesh (.npz: vertices (T, V, 3) m, faces (F, 3), fps).")
-@click.option("--anatomy", help="The limb: upper-limb-right or upper-limb-left; goes with --motion.")
+@click.option("--anatomy", help="The limb, as upper-limb-right or lower-limb-left; goes with --motion.")
 @click.option("--motion", type=_PATH, help="CSV: time (s) and coordinates (rad, m) by name.")
 @click.option("--subject", type=_PATH, help="Who moves; the template itself if not given.")
 @click.option("--noise", type=click.Choice(["carmine", "none"]), default="carmine", show_default=True)

@@ -159,7 +159,8 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
     for t, time in enumerate(motion.times):
         nearest = int(np.abs(truth.times - time).argmin())
         if abs(truth.times[nearest] - time) > _NEAREST_S:
-            raise MotionError(f"no truth at {time:.3f} s", where=recording.path)
+            problem = f"no truth at {time:.3f} s"
+            raise MotionError(problem, where=recording.path, remedy="give the recording that was tracked")
         if motion.lost[t]:
             for values in errors.values():
                 values.append(np.nan)

@@ -28,7 +28,7 @@ REST_DEPTH = 0.001  # m, of every bone vertex beneath the skin at rest
 OVERLAP = 0.002  # m, of one bone in another, or what the source skeleton has if that is more
 OVERLAP_SLACK, OVERLAP_SHARE = 0.0005, 0.15  # m, and of the source's: facets of a coarse source hide some of it
 DRIFT = 0.0015  # m, between landmarks and the bones they stand for, under changed proportions
-TURN = {2: np.radians(130.0), 3: np.radians(165.0)}  # between the two bones of a deformer with so many frames
+TURN = {"forearm": np.radians(130.0), "bend": np.radians(165.0)}  # between the two bones of a deformer
 _STEPS = 5  # values of a coordinate over its range
 
 # Tetrahedra differ a little between builds: at the wrist's limits the carpus may touch the skin from inside.
@@ -147,17 +147,17 @@ def turn_checks(body: Body) -> list[Check]:
     """The two bones of a twist or a bend never come near half a turn apart, where SLERP would flip."""
     checks = []
     for deformer in body.anatomy.deformers:
-        if len(deformer.bones) != 2:
+        if deformer.type not in TURN:
             continue
         # A twist starts from its own two frames, a bend from rest.
-        own = deformer.frames if len(deformer.frames) == 2 else deformer.frames[-1:] * 2
+        own = deformer.frames if deformer.type == "forearm" else deformer.frames[-1:] * 2
         rest = [frame_from_landmarks(body.anatomy, frame, body.p).rotation for frame in own]
         worst = 0.0
         for theta in motions(body):
             moved = bone_motions(body.anatomy, theta, body.p)
             turns = [moved[bone].rotation @ frame for bone, frame in zip(deformer.bones, rest, strict=True)]
             worst = max(worst, rotation_angle(turns[0].T @ turns[1]))
-        limit = TURN[len(deformer.frames)]
+        limit = TURN[deformer.type]
         checks.append(Check(f"turn of {deformer.name}", np.degrees(worst), np.degrees(limit), "deg"))
     return checks
 

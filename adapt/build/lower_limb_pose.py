@@ -53,14 +53,6 @@ _LAST_TOE_JOINTS = {
     "5-3": (0.0105, -0.003, 0.049),
 }
 
-METATARSAL_HEADS = {  # m, in the source's frame of the foot
-    1: (0.1739, 0.0037, -0.0282),
-    2: (0.1694, 0.0027, -0.0007),
-    3: (0.1591, 0.0010, 0.0142),
-    4: (0.1493, 0.0038, 0.0291),
-    5: (0.1346, 0.0041, 0.0404),
-}
-
 
 def _toe(number: int, low: float, high: float, base: tuple[float, float, float]) -> Piece:
     lift = SourceHinge(f"toe{number}_lift", np.array([0.0, 0.0, 1.0]), radians(-25.0), radians(25.0))

@@ -150,7 +150,8 @@ def _wanted(
     _refuse_strange_frames(recording, [*(frames or ()), *given], len(moments))
     if frames is not None:
         if len(set(frames)) < FEWEST_POSES:
-            raise FitError(f"{len(set(frames))} poses given, at least {FEWEST_POSES} needed", where=recording.path)
+            problem = f"{len(set(frames))} frames given, at least {FEWEST_POSES} needed"
+            raise FitError(problem, where=recording.path, remedy="name more of them, or none to have them chosen")
         unused = sorted(set(given) - set(frames))
         if unused:
             raise FitError(

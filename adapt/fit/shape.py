@@ -154,8 +154,8 @@ def _pose_data(body: Body, theta: Floats, match: Correspondences, sample: SkinSa
     i, weights = match.vertex, sample.observations[match.vertex]
     skin = pose_skin_varying(body, theta, with_shape=True, vertices=i)
     lean = data_term(skin, match, weights)
-    by_v_hat = pose_skin_by_v_hat(body, theta).d[i]
-    direction = np.matmul(by_v_hat, tissue.normals[i][:, :, None])[:, :, 0]
+    by_v_hat = pose_skin_by_v_hat(body, theta, vertices=i)
+    direction = np.matmul(by_v_hat.d, tissue.normals[i][:, :, None])[:, :, 0]
     scale = weights / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2)
     along = np.einsum("ij,ij->i", match.normal, direction)
     pulled = scale[:, None] * (PLANE_WEIGHT * along[:, None] * match.normal + direction)  # metric times direction

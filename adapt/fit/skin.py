@@ -68,13 +68,13 @@ def _data_blocks(
     """Normal matrix (V, 3, 3) and gradient (V, 3) of the data by each vertex's own v_hat."""
     blocks, pull = np.zeros((len(body.v_hat), 3, 3)), np.zeros((len(body.v_hat), 3))
     for theta, match in zip(thetas, matches, strict=True):
-        skin = pose_skin_by_v_hat(body, theta)
-        jacobian, i = skin.d[match.vertex], match.vertex
+        i = match.vertex
+        skin = pose_skin_by_v_hat(body, theta, vertices=i)
         weight = sample.observations[i] / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2)
         metric = PLANE_WEIGHT * match.normal[:, :, None] * match.normal[:, None, :] + np.eye(3)
-        pulled = np.matmul(np.swapaxes(jacobian, 1, 2), weight[:, None, None] * metric)
-        blocks[i] += np.matmul(pulled, jacobian)
-        pull[i] += np.matmul(pulled, (skin.value[i] - match.target)[:, :, None])[:, :, 0]
+        pulled = np.matmul(np.swapaxes(skin.d, 1, 2), weight[:, None, None] * metric)
+        blocks[i] += np.matmul(pulled, skin.d)
+        pull[i] += np.matmul(pulled, (skin.value - match.target)[:, :, None])[:, :, 0]
     return blocks, pull
 
 

@@ -109,15 +109,16 @@ def pose_skin_varying(body: Body, theta: Floats, *, with_shape: bool = False, ve
     return _blend(body.anatomy, bone_motions(body.anatomy, theta, p), bound, vertices, columns=p.n)
 
 
-def pose_skin_by_v_hat(body: Body, theta: Floats) -> Points:
-    """Posed skin with each vertex's derivative by its OWN template vertex v_hat_i: (V, 3, 3).
+def pose_skin_by_v_hat(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Points:
+    """Posed skin, or some ``vertices`` of it, with each one's derivative by its OWN template vertex v_hat_i: (V, 3, 3).
 
     A vertex does not depend on any other vertex of v_hat.
     """
-    scale = local_scale(body.anatomy.skin_handle_weights, body.a)
-    skin, p = Points(body.v_tilde.value, scale[:, None, None] * np.eye(3)), constant_points(body.p.value, 3)
+    rows = slice(None) if vertices is None else vertices
+    scale = local_scale(body.anatomy.skin_handle_weights[rows], body.a)
+    skin, p = Points(body.v_tilde.value[rows], scale[:, None, None] * np.eye(3)), constant_points(body.p.value, 3)
     bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
-    return _blend(body.anatomy, _still_motions(body, theta, columns=3), bound, None, columns=3)
+    return _blend(body.anatomy, _still_motions(body, theta, columns=3), bound, vertices, columns=3)
 
 
 def bone_transforms(body: Body, theta: Floats) -> dict[str, Floats]:
