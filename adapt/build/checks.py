@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -239,7 +239,8 @@ def overlap_checks(body: Body, plan: LimbPlan, skeleton: SourceSkeleton) -> list
         for theta in motions(body, between):
             posed = posed_bones(body, theta)
             ours = max(ours, _overlap(*(Mesh(posed[n], body.anatomy.bone(n).faces) for n in (first, second))))
-            theirs = max(theirs, _overlap(*(_source_mesh(plan, skeleton, n, theta) for n in (first, second))))
+            pose = {c.name: float(value) for c, value in zip(body.anatomy.coordinates, theta, strict=True)}
+            theirs = max(theirs, _overlap(*(source_bone(plan, skeleton, n, pose) for n in (first, second))))
         if ours == -np.inf:  # they never come near each other
             continue
         limit = max(OVERLAP, theirs + max(OVERLAP_SLACK, OVERLAP_SHARE * theirs))
@@ -271,12 +272,9 @@ def _overlap(first: Mesh, second: Mesh) -> float:
     return deepest
 
 
-def _source_mesh(plan: LimbPlan, skeleton: SourceSkeleton, bone: str, theta: Floats) -> Mesh:
-    """The source's bone, at the source's size, with its hinges at the pose's coordinates."""
-    angles = {
-        hinge: sign * theta[[c.name for c in plan.coordinates].index(name)]
-        for name, (hinge, sign) in plan.rest_from.items()
-    }
+def source_bone(plan: LimbPlan, skeleton: SourceSkeleton, bone: str, coordinates: Mapping[str, float]) -> Mesh:
+    """The source's bone, at the source's size, with its hinges at coordinates by name (rad; missing ones are 0)."""
+    angles = {hinge: sign * coordinates[name] for name, (hinge, sign) in plan.rest_from.items() if name in coordinates}
     placements = source_at(skeleton, angles)
     bodies = next(part.bodies for part in plan.bones if part.name == bone)
     starts = np.cumsum([0, *(len(skeleton.bodies[name].vertices) for name in bodies)])

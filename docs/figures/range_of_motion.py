@@ -89,16 +89,21 @@ def deepest_overlap(body: Body, first: str, second: str, poses: list[dict[str, f
 def deepest_source_overlaps() -> dict[tuple[str, str], float] | None:
     """The same (m) for the source skeleton over the same poses, or None when it is not installed."""
     try:
-        from source_skeleton import load_source, source_overlap
+        from adapt.build.checks import source_bone
+        from adapt.build.sources_myosim import load_skeleton
+        from adapt.build.upper_limb import UPPER_LIMB_RIGHT as PLAN
 
-        source = load_source()
+        source = load_skeleton(PLAN.bodies)
     except Exception as error:  # not installed, or a release with other names: the table goes without
         stdout.print(f"[dim]without the source skeleton: {error}[/dim]")
         return None
-    return {
-        pair: max(source_overlap(source, *pair, degrees) for degrees in grid(**angles))
-        for pair, angles in NEIGHBOURS.items()
-    }
+
+    def depth(pair: tuple[str, str], degrees: dict[str, float]) -> float:
+        pose = {name: float(np.deg2rad(angle)) for name, angle in degrees.items()}
+        first, second = (source_bone(PLAN, source, name, pose) for name in pair)
+        return overlap((first.vertices, first.faces), (second.vertices, second.faces))
+
+    return {pair: max(depth(pair, degrees) for degrees in grid(**angles)) for pair, angles in NEIGHBOURS.items()}
 
 
 def print_depths(body: Body) -> None:

@@ -169,7 +169,7 @@ def _pixels(view: View, points: Floats) -> NDArray[np.int32]:
     return np.rint(uv).astype(np.int32)
 
 
-def _grey(depth: Floats) -> NDArray[np.uint8]:
+def _grey(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Near is bright, nothing is black."""
     seen = depth[depth > 0.0]
     shade = 255.0 - 200.0 * (depth - seen.min()) / max(float(np.ptp(seen)), 1e-6)
