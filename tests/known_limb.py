@@ -20,9 +20,9 @@ from capture.recording import Recording, Region, instants, open_recording
 from capture.rigid import exp_so3, inverse, log_so3
 from capture.sensor import carmine_camera
 from capture.simulate import cast, default_rig, scene_of
-from track.evaluate import read_truth, world_from_common
-from track.performance import Performance, random_body
-from track.simulate import simulate_performance
+from track.evaluation.errors import read_truth, world_from_common
+from track.evaluation.performance import Performance, random_body
+from track.evaluation.simulate import simulate_performance
 
 ANATOMY = "upper-limb-right"
 FRAMES = 12

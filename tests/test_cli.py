@@ -23,7 +23,7 @@ from capture.rigid import inverse
 from tests.known_limb import ANATOMY, bending_and_twisting, carried
 from track.cli import main
 from track.demo import samples
-from track.evaluate import read_truth, world_from_common
+from track.evaluation.errors import read_truth, world_from_common
 from track.motion import load_motion
 
 FRAMES = 8

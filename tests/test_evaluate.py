@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from track.evaluate import evaluate_motion
+from track.evaluation.errors import evaluate_motion
 from track.motion import Motion, bones_and_centres, coordinate_names
 
 

@@ -16,7 +16,7 @@ from adapt.model.body import bone_transforms, joint_centres, make_body, pose_ski
 from adapt.model.handles import affine_set
 from capture.rigid import apply, exp_so3, transform
 from tests.test_template import sphere
-from track.performance import motion_names, perform
+from track.evaluation.performance import motion_names, perform
 
 
 @pytest.fixture(scope="module")

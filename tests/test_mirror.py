@@ -32,7 +32,7 @@ from capture.rigid import apply, exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_leg import toy_leg
 from track.angles import thoraco_humeral
-from track.performance import motion_names, perform, random_body
+from track.evaluation.performance import motion_names, perform, random_body
 
 LEFT = "upper-limb-left"
 REFLECTION = np.diag([1.0, 1.0, -1.0, 1.0])

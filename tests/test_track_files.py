@@ -16,11 +16,11 @@ from capture.errors import AnatomyError
 from capture.rigid import exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from track.angles import read_thorax, refuse_without_humerus, reported_coordinates, thoraco_humeral
-from track.export import export_motion, export_subject
+from track.evaluation.performance import PerformanceError, perform_tables, read_motion_table
+from track.export.files import export_motion, export_subject
+from track.export.opensim_tables import write_mot, write_trc
+from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
-from track.opensim_files import write_mot, write_trc
-from track.performance import PerformanceError, perform_tables, read_motion_table
-from track.quality_table import write_quality
 from track.run import write_motion_folder
 
 LOST = 3

@@ -11,7 +11,9 @@ from adapt.commands import adapt_command
 from capture.commands import calibrate_command, fuse_command, import_command
 from capture.console import stderr
 from capture.errors import BonetrackError
-from track.commands import demo_command, evaluate_command, export_command, simulate_command, track_command
+from track.commands import demo_command, track_command
+from track.evaluation.commands import evaluate_command, simulate_command
+from track.export.commands import export_command
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

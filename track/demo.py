@@ -19,12 +19,13 @@ from capture.console import stdout
 from capture.errors import RecordingError
 from capture.fuse import fuse
 from capture.recording import Recording, instants, open_recording
-from track.charts import plot_angles
-from track.commands import print_evaluation, print_motion
-from track.evaluate import evaluate_motion, read_truth, write_evaluation
+from track.commands import print_motion
+from track.evaluation.commands import print_evaluation
+from track.evaluation.errors import evaluate_motion, read_truth, write_evaluation
 from track.motion import Motion
-from track.pictures import picture_fit
 from track.run import track_recording
+from track.view.charts import plot_angles
+from track.view.pictures import picture_fit
 
 ANATOMY = "upper-limb-right"
 _SAMPLE = "-sample"

@@ -21,9 +21,9 @@ from capture.fuse import Region, fuse, region_of_interest
 from capture.journal import journal_key, resume_journal
 from capture.recording import Instant, Recording, instants
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
+from track.export.opensim_tables import write_mot, write_trc
+from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
-from track.opensim_files import write_mot, write_trc
-from track.quality_table import write_quality
 from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
 
 JOURNAL = "frames.jsonl"

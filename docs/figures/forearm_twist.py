@@ -25,7 +25,7 @@ from adapt.model.body import Body, make_body, pose_skin, rest_theta
 from capture.camera import Camera
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.render import SKIN, Layer, framing_camera, look_at, render
+from track.view.render import SKIN, Layer, framing_camera, look_at, render
 
 Floats = NDArray[np.float64]
 Method = Callable[[Body, Floats, Floats], Floats]

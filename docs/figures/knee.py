@@ -30,8 +30,8 @@ from adapt.model.variation import constant_points
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.rigid import apply, inverse
-from track.evaluate import distance_to_mesh
-from track.render import BONE, Layer, framing_camera, look_at, render, save_png
+from track.evaluation.errors import distance_to_mesh
+from track.view.render import BONE, Layer, framing_camera, look_at, render, save_png
 
 Floats = NDArray[np.float64]
 

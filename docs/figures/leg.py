@@ -22,8 +22,8 @@ from adapt.model.frames import frame_from_landmarks
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.rigid import apply
-from track.pictures import body_layers
-from track.render import framing_camera, look_at, render
+from track.view.pictures import body_layers
+from track.view.render import framing_camera, look_at, render
 
 KNEE = (0.0, 60.0, 90.0, 120.0)
 STANDING = {"hip_flexion_r": 0.0, "knee_angle_r": 0.0, "ankle_angle_r": 0.0}

@@ -19,8 +19,8 @@ from adapt.anatomy import Anatomy, load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.pictures import body_layers
-from track.render import framing_camera, look_at, render
+from track.view.pictures import body_layers
+from track.view.render import framing_camera, look_at, render
 
 SHOWN = {"elbow_flexion": 75.0, "pro_sup": 30.0, "flexion": -20.0}
 BODIES = (Proportions("template"), *FIGURE_7)

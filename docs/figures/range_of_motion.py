@@ -22,8 +22,8 @@ from adapt.anatomy import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.pictures import body_layers
-from track.render import framing_camera, look_at, render
+from track.view.pictures import body_layers
+from track.view.render import framing_camera, look_at, render
 
 Where = tuple[float, dict[str, float]]  # a length (m) and the pose (degrees) in which it was found
 

@@ -32,8 +32,8 @@ from capture.recording import instants, open_recording
 from capture.rigid import apply, inverse
 from track.cli import bonetrack
 from track.motion import load_motion
-from track.pictures import body_layers
-from track.render import framing_camera, look_at, render, save_png
+from track.view.pictures import body_layers
+from track.view.render import framing_camera, look_at, render, save_png
 
 _LIMB_M = 0.05  # points farther from the skin belong to something else
 _COUNTS = 0.5  # skin with at least this fit weight: not the fingers, not the shoulder's cut

@@ -1,6 +1,6 @@
 """Make the sample recording that ships in ``recordings/``: a random body that performs made-up motions.
 
-python -m track.sample --out recordings/upper-limb-right-sample
+python -m track.evaluation.sample --out recordings/upper-limb-right-sample
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 from adapt.anatomy import load_anatomy
-from track.performance import perform, random_body
-from track.simulate import simulate_performance
+from track.evaluation.performance import perform, random_body
+from track.evaluation.simulate import simulate_performance
 
 _SEED = 2015
 _FPS = 20.0

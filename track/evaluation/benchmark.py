@@ -1,6 +1,6 @@
 """How long everything takes, stage by stage, on one thread, beside what it may take.
 
-    python -m track.benchmark [RECORDING] [--subject FILE] [--repeat 5] [--adapt]
+    python -m track.evaluation.benchmark [RECORDING] [--subject FILE] [--repeat 5] [--adapt]
 
 ``threadpoolctl`` holds numpy to one thread where it is installed; elsewhere set ``OMP_NUM_THREADS=1``. A recording
 that has its truth beside it needs no subject: the person who was simulated is taken.
@@ -37,7 +37,7 @@ from capture.fuse import fuse, region_of_interest
 from capture.preprocess import clean_depth
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import apply, exp_so3, inverse, log_so3
-from track.evaluate import read_truth, world_from_common
+from track.evaluation.errors import read_truth, world_from_common
 from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker, pose_covariance
 
 FRAME_TARGET_S = 0.150

@@ -9,7 +9,7 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.model.body import Body, pose_skin, posed_bones
 from capture.fuse import Cloud
-from track.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
+from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 
 def body_layers(body: Body, theta: Floats, *, skin_opacity: float = 0.35) -> list[Layer]:

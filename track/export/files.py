@@ -13,8 +13,8 @@ from adapt.subject import Subject
 from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
+from track.export.opensim_tables import write_mot, write_trc
 from track.motion import Motion, MotionError
-from track.opensim_files import write_mot, write_trc
 
 
 def export_subject(subject: Subject, out: Path) -> list[Path]:

@@ -11,8 +11,8 @@ from adapt.model.body import pose_skin
 from capture.recording import Recording
 from capture.sensor import NoiseModel
 from capture.simulate import SensorRig, default_rig, simulate_recording
+from track.evaluation.performance import Performance
 from track.motion import coordinate_names
-from track.performance import Performance
 
 
 def simulate_performance(

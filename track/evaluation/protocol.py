@@ -1,6 +1,6 @@
 """The accuracy protocol: random subjects, simulated by two sensors, everything automatic, scored by the truth.
 
-    python -m track.protocol --anatomy upper-limb-right --subjects 5 --out DIR
+    python -m track.evaluation.protocol --anatomy upper-limb-right --subjects 5 --out DIR
 
 A heavy evaluation, not a test. Each subject's result is a file in DIR; a run that was cut short goes on.
 """
@@ -25,10 +25,10 @@ from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.recording import Recording, open_recording
 from capture.sensor import NoiseModel, carmine
-from track.evaluate import evaluate_motion
-from track.performance import motion_names, perform, perform_tables, random_body
+from track.evaluation.errors import evaluate_motion
+from track.evaluation.performance import motion_names, perform, perform_tables, random_body
+from track.evaluation.simulate import simulate_performance
 from track.run import track_recording
-from track.simulate import simulate_performance
 
 NOISES = {"carmine": carmine(), "none": NoiseModel()}
 

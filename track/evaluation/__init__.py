@@ -1,0 +1,1 @@
+"""How right the results are: simulated performances with their truth, and errors against it."""

@@ -1,0 +1,1 @@
+"""Subjects and motions as files that other tools read."""
