@@ -17,10 +17,11 @@ from capture.calibrate import calibrate_recording, write_calibration
 from capture.camera import Camera
 from capture.fuse import Cloud, View, fuse, region_of_interest, view_points
 from capture.recording import Recording, Region, instants, open_recording
-from capture.rigid import exp_so3, inverse, log_so3
+from capture.rigid import inverse
 from capture.sensor import carmine_camera
 from capture.simulate import cast, default_rig, scene_of
 from track.evaluation.errors import read_truth, world_from_common
+from track.evaluation.known import carried
 from track.evaluation.performance import Performance, random_body
 from track.evaluation.simulate import simulate_performance
 
@@ -71,7 +72,7 @@ def record(anatomy: Anatomy, path: Path) -> KnownLimb:
     write_calibration(recording, calibrate_recording(recording))
     recording = open_recording(path)
     truth = read_truth(recording)
-    thetas = carried(truth.thetas, inverse(world_from_common(recording, truth)))
+    thetas = carried(anatomy, truth.thetas, inverse(world_from_common(recording, truth)))
     save_subject(known_subject(performance.body, thetas[::4], performance.times[::4]), path.parent / "subject.npz")
     subject = load_subject(path.parent / "subject.npz")  # its skin is stored in single precision
     return KnownLimb(recording, subject, performance.times, thetas)
@@ -80,15 +81,6 @@ def record(anatomy: Anatomy, path: Path) -> KnownLimb:
 def known_subject(body: Body, thetas: Floats, times: Floats) -> Subject:
     """A subject as an adaptation that made no error would have found it."""
     return Subject(body, thetas, times, 1e-6 * np.eye(len(body.shape)), {"poses": [], "landmarks_never_shown": []})
-
-
-def carried(thetas: Floats, to_from: Floats) -> Floats:
-    """Poses (T, n) of a limb whose first six coordinates are the free joint, in another frame."""
-    moved = thetas.copy()
-    for theta in moved:
-        theta[:3] = log_so3(to_from[:3, :3] @ exp_so3(theta[:3]))
-        theta[3:6] = to_from[:3, :3] @ theta[3:6] + to_from[:3, 3]
-    return moved
 
 
 def exact_target(body: Body, theta: Floats, *, spacing_m: float = 0.0075) -> Target:

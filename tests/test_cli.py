@@ -20,10 +20,11 @@ from adapt.subject import load_subject, save_subject
 from capture.depth_png import write_readings
 from capture.recording import open_recording
 from capture.rigid import inverse
-from tests.known_limb import ANATOMY, bending_and_twisting, carried
+from tests.known_limb import ANATOMY, bending_and_twisting
 from track.cli import main
 from track.demo import samples
 from track.evaluation.errors import read_truth, world_from_common
+from track.evaluation.known import carried
 from track.motion import load_motion
 
 FRAMES = 8
@@ -83,7 +84,7 @@ def write_first_poses(path: Path, recording_path: Path, anatomy, frames) -> None
     """First poses near the truth, so that the chain need not search."""
     recording = open_recording(recording_path)
     truth = read_truth(recording)
-    thetas = carried(truth.thetas, inverse(world_from_common(recording, truth)))
+    thetas = carried(truth.body.anatomy, truth.thetas, inverse(world_from_common(recording, truth)))
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["frame", *(c.name for c in anatomy.coordinates)])

@@ -104,7 +104,7 @@ def perform(
     known = _motions(body.anatomy)
     waves = [{name: _wave(phase, **wave) for name, wave in known[motion].items()} for motion in motions]
     parts = [_theta(body, columns, count) for columns in waves]
-    thetas = _sway(body, _joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
+    thetas = _sway(body, joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
     return Performance(body, np.arange(len(thetas)) / fps, thetas)
 
 
@@ -119,7 +119,7 @@ def perform_tables(
         PerformanceError: a table cannot be read.
     """
     parts = [_liveliest(_resampled(read_motion_table(path, body), fps), round(seconds_each * fps)) for path in tables]
-    thetas = _sway(body, _joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
+    thetas = _sway(body, joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
     return Performance(body, np.arange(len(thetas)) / fps, thetas)
 
 
@@ -183,7 +183,8 @@ def _theta(body: Body, columns: dict[str, Floats], count: int) -> Floats:
     return thetas
 
 
-def _joined(parts: list[Floats], transition: int) -> Floats:
+def joined(parts: list[Floats], transition: int) -> Floats:
+    """Pieces of motion (T_i, n) one after the other, with a smooth ``transition`` of so many frames between them."""
     pieces = [parts[0]]
     for part in parts[1:]:
         share = (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, transition + 2)[1:-1, None])) / 2.0

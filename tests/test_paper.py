@@ -1,0 +1,54 @@
+"""The evaluation of the paper: cases are run once, kept, and make the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from tests.toy_anatomy import toy_anatomy
+from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
+from track.evaluation.known import carried
+from track.evaluation.paper import run_case, section
+
+
+def counting(runs: list[str]) -> Experiment:
+    def run(case: str, folder: Path) -> Result:
+        runs.append(case)
+        return {"error": len(runs)}
+
+    def describe(results: Mapping[str, Result], images: Path) -> str:
+        return markdown_table([["case", "error"], *[[case, str(r["error"])] for case, r in results.items()]])
+
+    return Experiment("counting", "Counting", ("seed 1", "seed 2"), run, describe)
+
+
+def test_a_case_is_run_once_and_read_afterwards(tmp_path: Path) -> None:
+    runs: list[str] = []
+    experiment = counting(runs)
+    first = [run_case(experiment, case, tmp_path) for case in experiment.cases]
+    again = [run_case(experiment, case, tmp_path) for case in experiment.cases]
+    assert first == again == [{"error": 1}, {"error": 2}]
+    assert runs == ["seed 1", "seed 2"]
+
+
+def test_the_page_shows_the_results(tmp_path: Path) -> None:
+    experiment = counting([])
+    text = section(experiment, {case: run_case(experiment, case, tmp_path) for case in experiment.cases}, tmp_path)
+    assert text.splitlines()[0] == "## Counting"
+    assert "| seed 2 | 2 |" in text
+
+
+def test_a_summary_passes_over_what_is_not_known() -> None:
+    assert summary([1.0, 3.0, np.nan]) == "2.00 ± 1.00 (3.00)"
+    assert summary([np.nan]) == "-"
+
+
+def test_a_pose_carried_there_and_back_is_the_same() -> None:
+    anatomy = toy_anatomy()
+    rng = np.random.default_rng(0)
+    thetas = rng.normal(scale=0.3, size=(3, len(anatomy.coordinates)))
+    turn = np.array([[0.0, -1.0, 0.0, 0.3], [1.0, 0.0, 0.0, -0.2], [0.0, 0.0, 1.0, 0.1], [0.0, 0.0, 0.0, 1.0]])
+    back = carried(anatomy, carried(anatomy, thetas, turn), np.linalg.inv(turn))
+    np.testing.assert_allclose(back, thetas, atol=1e-12)

@@ -1,0 +1,87 @@
+"""A simulated recording whose truth is carried into the frame that its calibration found: where experiments start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.correspondences import Target
+from adapt.model.body import Body, joint_centres
+from capture.calibrate import calibrate_recording, write_calibration
+from capture.fuse import Region, fuse, region_of_interest
+from capture.recording import Recording, instants, open_recording
+from capture.rigid import exp_so3, inverse, log_so3
+from capture.sensor import NoiseModel, carmine
+from capture.simulate import SensorRig
+from track.evaluation.errors import read_truth, world_from_common
+from track.evaluation.performance import Performance
+from track.evaluation.simulate import simulate_performance
+
+CARMINE = carmine()
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRecording:
+    """A calibrated recording, who moves in it, and how: poses (T, n) in the recording's common frame."""
+
+    recording: Recording
+    body: Body
+    thetas: Floats = field(repr=False)
+
+    @cached_property
+    def region(self) -> Region:
+        """The automatic region of interest."""
+        return region_of_interest(self.recording)
+
+    def targets(self, frames: list[int]) -> list[Target]:
+        """The clouds of some frames."""
+        moments = instants(self.recording)
+        return [Target(fuse(self.recording, moments[frame], region=self.region)) for frame in frames]
+
+
+def record_known(
+    performance: Performance,
+    out: Path,
+    *,
+    noise: NoiseModel | None = CARMINE,
+    rig: SensorRig | None = None,
+    seed: int = 0,
+) -> KnownRecording:
+    """Simulate a performance, calibrate by the box, and carry the truth into the common frame.
+
+    A recording that stands there already is used as it is.
+    """
+    if not (out / "truth.npz").is_file():
+        simulate_performance(performance, out, noise=noise, rig=rig, seed=seed, overwrite=True)
+        recording = open_recording(out)
+        write_calibration(recording, calibrate_recording(recording))
+    recording = open_recording(out)
+    truth = read_truth(recording)
+    common_from_world = inverse(world_from_common(recording, truth))
+    return KnownRecording(recording, truth.body, carried(truth.body.anatomy, truth.thetas, common_from_world))
+
+
+def carried(anatomy: Anatomy, thetas: Floats, to_from: Floats) -> Floats:
+    """Poses (T, n) as another frame (4, 4) sees them."""
+    moved = thetas.copy()
+    for joint in anatomy.joints:
+        if joint.type != "free":
+            continue
+        index = [anatomy.coordinate_index(name) for name in joint.coordinates]
+        for theta in moved:
+            theta[index[:3]] = log_so3(to_from[:3, :3] @ exp_so3(theta[index[:3]]))
+            theta[index[3:]] = to_from[:3, :3] @ theta[index[3:]] + to_from[:3, 3]
+    return moved
+
+
+def centre_errors(body: Body, thetas: Floats, true_body: Body, true_thetas: Floats) -> dict[str, Floats]:
+    """Distances (T,) in metres between the joint centres of two bodies, pose by pose in one frame."""
+    pairs = [
+        (joint_centres(body, theta), joint_centres(true_body, true))
+        for theta, true in zip(thetas, true_thetas, strict=True)
+    ]
+    return {name: np.array([np.linalg.norm(a[name] - b[name]) for a, b in pairs]) for name in pairs[0][0]}

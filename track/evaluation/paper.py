@@ -1,0 +1,71 @@
+"""The paper's experiments, redone with a truth that its authors could not have.
+
+    python -m track.evaluation.paper --out DIR [--only NAME ...] [--page docs/evaluation.md]
+
+A heavy evaluation, not a test. Each case's result is a file DIR/EXPERIMENT/CASE.json; a run that was cut short
+goes on. The page is written from what has been run.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from capture.console import stdout
+from capture.files import replaced_when_complete
+from track.evaluation.experiments import poses
+from track.evaluation.experiments.experiment import Experiment, Result
+
+EXPERIMENTS: tuple[Experiment, ...] = (poses.EXPERIMENT,)
+
+
+def run_case(experiment: Experiment, case: str, out: Path) -> Result:
+    """The result of a case: read, if it has been run; otherwise run and kept."""
+    folder = out / experiment.name / case.replace(" ", "-")
+    done = folder.with_suffix(".json")
+    if not done.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        with stdout.status(f"{experiment.title}: {case}"):
+            result = experiment.run(case, folder)
+        with replaced_when_complete(done) as partial:
+            partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    return dict(json.loads(done.read_text(encoding="utf-8")))
+
+
+def section(experiment: Experiment, results: dict[str, Result], images: Path) -> str:
+    """The experiment's part of the page."""
+    images.mkdir(parents=True, exist_ok=True)
+    return f"## {experiment.title}\n\n{experiment.describe(results, images).strip()}\n"
+
+
+@click.command()
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="Results, case by case.")
+@click.option("--only", multiple=True, type=click.Choice([e.name for e in EXPERIMENTS]), help="Some experiments.")
+@click.option("--cases", type=int, help="At most so many cases of each.")
+@click.option("--page", type=click.Path(path_type=Path), help="The Markdown page to write; pictures go beside it.")
+def main(out: Path, only: tuple[str, ...], cases: int | None, page: Path | None) -> None:
+    """Run the experiments and write the page."""
+    sections = []
+    for experiment in EXPERIMENTS:
+        if only and experiment.name not in only:
+            continue
+        results = {case: run_case(experiment, case, out) for case in experiment.cases[:cases]}
+        images = (page.parent if page else out) / "images"
+        sections.append(section(experiment, results, images))
+        stdout.print(sections[-1], markup=False, highlight=False)
+    if page is not None:
+        with replaced_when_complete(page) as partial:
+            partial.write_text("\n".join([_HEAD, *sections]), encoding="utf-8")
+
+
+_HEAD = """# Evaluation: the paper's experiments, with truth
+
+Made by `python -m track.evaluation.paper --out DIR --page docs/evaluation.md`; every number is of that run. Errors are
+absolute, mean ± SD (maximum) over frames, unless said otherwise.
+"""
+
+
+if __name__ == "__main__":
+    main()
