@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.correspondences import Target
+from adapt.fit.correspondences import Target, pixel_of
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.subject import Subject, load_subject, save_subject
 from capture.calibrate import calibrate_recording, write_calibration
@@ -83,23 +84,53 @@ def known_subject(body: Body, thetas: Floats, times: Floats) -> Subject:
     return Subject(body, thetas, times, 1e-6 * np.eye(len(body.shape)), {"poses": [], "landmarks_never_shown": []})
 
 
-def exact_target(body: Body, theta: Floats, *, spacing_m: float = 0.0075) -> Target:
+def exact_target(
+    body: Body, theta: Floats, *, spacing_m: float = 0.0075, change: Callable[[View], View] = lambda view: view
+) -> Target:
     """What two sensors without any error see of a posed body."""
     skin = pose_skin(body, theta)
-    return Target(exact_cloud(skin, body.anatomy.skin_faces, spacing_m=spacing_m))
+    return Target(exact_cloud(skin, body.anatomy.skin_faces, spacing_m=spacing_m, change=change))
 
 
-def exact_cloud(vertices: Floats, faces: np.ndarray, *, spacing_m: float = 0.0075) -> Cloud:
-    """What two sensors without any error see of a mesh."""
+def exact_cloud(
+    vertices: Floats,
+    faces: np.ndarray,
+    *,
+    spacing_m: float = 0.0075,
+    change: Callable[[View], View] = lambda view: view,
+) -> Cloud:
+    """What two sensors without any error see of a mesh; ``change`` is what becomes of each view."""
     scene, views = scene_of(vertices, faces), []
     for sensor in default_rig(vertices).sensors:
         depth = cast(scene, sensor.camera, sensor.world_from_sensor, vertices, 0.0).depth
-        views.append(View(sensor.name, sensor.camera, sensor.world_from_sensor, depth))
+        views.append(change(View(sensor.name, sensor.camera, sensor.world_from_sensor, depth)))
     everywhere = Region(np.full(3, -10.0), np.full(3, 10.0))
     parts = [view_points(view, everywhere, spacing_m=spacing_m) for view in views]
     points, normals, boundary = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     sensor_index = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
     return Cloud(points, normals, boundary, sensor_index, tuple(views))
+
+
+def cropped(view: View, points: Floats) -> View:
+    """The view by a sensor that has ``points`` (N, 3) out of its image, and as much else in it as can be."""
+    row, column, _ = pixel_of(view, points)
+    height, width = view.depth.shape
+    sides = [(0, row.min(), 0, width), (row.max() + 1, height, 0, width)]
+    sides += [(0, height, 0, column.min()), (0, height, column.max() + 1, width)]
+    top, bottom, left, right = max(sides, key=lambda s: np.count_nonzero(view.depth[s[0] : s[1], s[2] : s[3]]))
+    camera = view.camera
+    moved = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
+    return replace(view, camera=moved, depth=view.depth[top:bottom, left:right])
+
+
+def covered(view: View, points: Floats, *, nearer_m: float = 0.15, margin_px: int = 12) -> View:
+    """The view with a board that faces the sensor before ``points`` (N, 3)."""
+    row, column, _ = pixel_of(view, points)
+    near = (points - view.world_from_sensor[:3, 3]) @ view.world_from_sensor[:3, 2]
+    depth = view.depth.copy()
+    rows = slice(max(0, row.min() - margin_px), row.max() + margin_px)
+    depth[rows, max(0, column.min() - margin_px) : column.max() + margin_px] = near.min() - nearer_m
+    return replace(view, depth=depth)
 
 
 def empty_view(camera: Camera | None = None) -> View:

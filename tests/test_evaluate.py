@@ -14,8 +14,9 @@ from track.motion import Motion, bones_and_centres, coordinate_names
 @pytest.fixture(scope="module")
 def true_motion(limb) -> Motion:
     """The truth as a motion that states 1 degree (and 1 mm) of standard deviation."""
-    transforms, centres = bones_and_centres(limb.subject, limb.thetas)
     count = len(limb.times)
+    shown = np.ones((count, len(limb.subject.anatomy.bones)), dtype=bool)
+    transforms, centres = bones_and_centres(limb.subject, limb.thetas, shown)
     units = [coordinate.unit for coordinate in limb.subject.anatomy.coordinates]
     return Motion(
         anatomy=limb.subject.anatomy.name,
@@ -27,6 +28,7 @@ def true_motion(limb) -> Motion:
         residuals=np.zeros(count),
         coverage=np.ones(count),
         matches=np.full(count, 1000.0),
+        shown=shown,
         transforms=transforms,
         centres=centres,
     )
@@ -57,7 +59,27 @@ def test_lost_frames_are_counted_and_left_out(limb, true_motion):
     lost = ("gone", *true_motion.lost[1:])
     thetas = limb.thetas.copy()
     thetas[0] = np.nan
-    evaluation = evaluate_motion(replace(true_motion, lost=lost, thetas=thetas), limb.subject, limb.recording)
+    shown = true_motion.shown.copy()
+    shown[0] = False
+    motion = replace(true_motion, lost=lost, thetas=thetas, shown=shown)
+    evaluation = evaluate_motion(motion, limb.subject, limb.recording)
     assert evaluation.lost == 1
     assert evaluation.frames == len(limb.times)
     assert all(row.maximum < 0.05 for row in evaluation.summaries())
+
+
+def test_what_is_not_claimed_is_not_scored_and_what_is_claimed_is_counted(limb, true_motion):
+    """However wrong the guess of a hidden hand may be."""
+    hand = list(true_motion.transforms).index("hand")
+    shown, thetas = true_motion.shown.copy(), limb.thetas.copy()
+    shown[2:, hand] = False
+    thetas[2:, limb.subject.anatomy.coordinate_index("flexion")] += 1.0
+    evaluation = evaluate_motion(replace(true_motion, shown=shown, thetas=thetas), limb.subject, limb.recording)
+    count = len(limb.times)
+    assert (evaluation.lost, evaluation.bones, evaluation.claimed) == (0, 4 * count, 4 * count - (count - 2))
+    for name in ("points hand", "surface hand", "angle flexion", "angle deviation"):
+        assert np.isfinite(evaluation.errors[name]).tolist() == [True] * 2 + [False] * (count - 2), name
+    for name in ("points radius", "angle pro_sup", "centre wrist", "skin", "orientation humerus"):
+        assert np.isfinite(evaluation.errors[name]).all(), name
+    assert all(row.maximum < 0.05 for row in evaluation.summaries())
+    assert {"bones", "claimed"} < set(evaluation.as_json())

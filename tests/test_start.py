@@ -55,10 +55,18 @@ def test_the_true_pose_scores_better_than_wrong_ones(limb, searched, sample):
         assert score_pose(body, target, held, sample).badness_m > 1.5 * searched.badness_m
 
 
-def test_a_limb_that_is_followed_is_judged_by_the_same_measures(limb, searched, sample):
+def test_skin_in_sight_is_found_where_the_pose_is_right_and_not_where_it_is_wrong(limb, searched, sample):
     body, target = limb.subject.body, limb.targets[FRAME]
-    found, score = find_skin(body, target, searched.fit.theta, sample), score_pose(body, target, searched.fit, sample)
-    assert (found.skin_m, found.coverage) == (score.skin_m, score.coverage)
+    found = find_skin(body, target, searched.fit.theta, sample)
+    assert list(found.bones) == [bone.name for bone in limb.subject.anatomy.bones]
+    for part in (found.whole, *found.bones.values()):
+        assert part.in_sight > 0.4, part
+        assert part.coverage > 0.95, part
+        assert part.skin_m < 0.006, part
+    assert found.whole.skin_m <= searched.skin_m  # which counts skin that is hidden by other skin, too
+    bent_too_far = find_skin(body, target, elbow_off(limb, np.deg2rad(40.0)), sample)
+    assert bent_too_far.bones["hand"].coverage < 0.5
+    assert bent_too_far.bones["humerus"].coverage > 0.9
 
 
 def turned_about(limb, angle):

@@ -50,7 +50,13 @@ def tracked(limb, tmp_path_factory):
 def state_of(limb, frame):
     """The state after a frame that was tracked without error."""
     velocity = pose_difference(limb.subject.anatomy, limb.thetas[frame], limb.thetas[frame - 1]) * FPS
-    return TrackerState(float(limb.times[frame]), limb.thetas[frame], velocity)
+    return known_state(limb.subject.anatomy, float(limb.times[frame]), limb.thetas[frame], velocity)
+
+
+def known_state(anatomy, time_s, theta, velocity):
+    """The state after a frame in which every bone showed."""
+    shown = np.ones(len(anatomy.bones), dtype=bool)
+    return TrackerState(time_s, theta, velocity, shown, np.full(len(theta), time_s))
 
 
 def test_a_performance_is_followed_without_loss(limb, tracked):
@@ -147,7 +153,7 @@ def test_an_arm_is_followed_past_half_a_turn_of_its_rotation_vector(limb, tracke
     for theta, angle in zip(poses, np.deg2rad([172.0, 176.0, 180.0, 184.0, 188.0]), strict=True):
         theta[:3] = log_so3(exp_so3(angle * axis))
     step = pose_difference(anatomy, poses[1], poses[0])
-    state = TrackerState(0.0, poses[0], step * 15.0)
+    state = known_state(anatomy, 0.0, poses[0], step * 15.0)
     for k in range(1, len(poses)):
         frame, state = tracker.follow(exact_target(body, poses[k]), k / 15.0, state)
         assert not frame.lost, (k, frame.lost)
@@ -219,7 +225,7 @@ def stop_after(count):
 
 
 def same_motion(one, other):
-    for name in ("times", "thetas", "deviations", "residuals", "coverage", "matches"):
+    for name in ("times", "thetas", "deviations", "shown", "residuals", "coverage", "matches"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert one.lost == other.lost
 

@@ -10,18 +10,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapt.model.body import joint_centres, posed_bones, rest_theta
+from adapt.model.body import joint_centres, pose_skin, posed_bones, rest_theta
 from adapt.subject import load_subject, save_subject
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from track.angles import read_thorax, refuse_without_humerus, reported_coordinates, thoraco_humeral
+from track.commands import print_motion
 from track.evaluation.performance import PerformanceError, perform_tables, read_motion_table
 from track.export.files import export_motion, export_subject
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.run import write_motion_folder
+from track.shown import skin_shown
+from track.view.charts import plot_angles
 
 LOST = 3
 
@@ -31,7 +34,8 @@ def motion(limb):
     """The known motion, as if tracked without error; one frame is lost."""
     thetas = limb.thetas.copy()
     thetas[LOST] = np.nan
-    transforms, centres = bones_and_centres(limb.subject, thetas)
+    shown = np.tile(np.isfinite(thetas[:, :1]), (1, len(limb.subject.anatomy.bones)))
+    transforms, centres = bones_and_centres(limb.subject, thetas, shown)
     lost = tuple("nobody, there" if t == LOST else "" for t in range(len(thetas)))
     deviations = np.where(np.isfinite(thetas), 0.01, np.nan)
     quality = np.where(np.isfinite(thetas[:, 0]), 0.002, np.nan)
@@ -45,6 +49,7 @@ def motion(limb):
         residuals=quality,
         coverage=np.ones(len(thetas)),
         matches=np.full(len(thetas), 900),
+        shown=shown,
         transforms=transforms,
         centres=centres,
     )
@@ -182,11 +187,25 @@ def test_a_motion_comes_back_as_it_was_saved(tmp_path, motion):
     for path in (tmp_path, tmp_path / "motion.npz"):
         back = load_motion(path)
         assert (back.anatomy, back.coordinates, back.lost) == (motion.anatomy, motion.coordinates, motion.lost)
-        for name in ("times", "thetas", "deviations", "residuals", "coverage", "matches"):
+        for name in ("times", "thetas", "deviations", "shown", "residuals", "coverage", "matches"):
             np.testing.assert_array_equal(getattr(back, name), getattr(motion, name))
         for name in motion.transforms:
             np.testing.assert_array_equal(back.transforms[name], motion.transforms[name])
         assert list(back.centres) == list(motion.centres)
+
+
+def test_in_a_motion_of_the_first_version_all_bones_show_where_it_was_tracked(tmp_path, motion):
+    save_motion(motion, tmp_path)
+    rewritten(tmp_path / "motion.npz", version=1, shown=None)
+    np.testing.assert_array_equal(load_motion(tmp_path).shown, motion.shown)
+    assert not motion.shown[LOST].any()
+
+
+def test_a_motion_of_this_version_must_say_which_bones_show(tmp_path, motion):
+    save_motion(motion, tmp_path)
+    rewritten(tmp_path / "motion.npz", shown=None)
+    with pytest.raises(MotionError, match="not a motion file"):
+        load_motion(tmp_path)
 
 
 def test_a_subject_comes_back_as_it_was_saved(tmp_path, limb):
@@ -317,6 +336,67 @@ def test_exported_meshes_are_what_other_tools_read_back(tmp_path, limb, motion):
         np.testing.assert_allclose(np.asarray(mesh.vertices), bones[bone.name], atol=1e-6)
         assert len(mesh.triangles) == len(bone.faces)
     assert table_of(tmp_path / "all" / "angles.mot")[2].shape[0] == len(motion.times)
+
+
+def hand_hidden(motion, limb):
+    """The same motion in which the hand never shows."""
+    shown = motion.shown & [name != "hand" for name in motion.transforms]
+    transforms, centres = bones_and_centres(limb.subject, motion.thetas, shown)
+    return replace(motion, shown=shown, transforms=transforms, centres=centres)
+
+
+def test_bones_that_do_not_show_are_not_exported_nor_the_skin_that_rides_on_them(tmp_path, limb, motion):
+    from capture._open3d import open3d
+
+    subject, frame, hidden = limb.subject, 5, hand_hidden(motion, limb)
+    written = export_motion(hidden, subject, tmp_path, frame=frame)
+    names = {path.name for path in written}
+    assert {f"{name}_00005.ply" for name in ("humerus", "ulna", "radius", "skin")} < names
+    assert "hand_00005.ply" not in names
+    assert {path.name for path in tmp_path.iterdir()} == names
+    skin = open3d().io.read_triangle_mesh(str(tmp_path / "skin_00005.ply"))
+    kept = skin_shown(subject.body, hidden.shown[frame])
+    posed = pose_skin(subject.body, motion.thetas[frame])
+    np.testing.assert_allclose(np.asarray(skin.vertices), posed[kept], atol=1e-6)
+    assert 0.5 < len(skin.vertices) / len(posed) < 0.95
+    edges = np.asarray(skin.vertices)[np.asarray(skin.triangles)] - np.asarray(skin.vertices).mean(axis=0)
+    assert np.ptp(edges, axis=1).max() < 0.05  # triangles still join neighbours
+    _, columns, table = table_of(tmp_path / "angles.mot")
+    assert np.isnan(table[:, columns.index("flexion")]).all()
+    assert np.isfinite(np.delete(table[:, columns.index("elbow_flexion")], LOST)).all()
+    with (tmp_path / "angles.csv").open(newline="") as file:
+        assert {row["flexion"] for row in csv.DictReader(file)} == {"nan"}
+
+
+def test_centres_that_are_not_known_are_empty_cells(tmp_path, limb, motion):
+    shown = motion.shown & [name == "hand" for name in motion.transforms]
+    _, centres = bones_and_centres(limb.subject, motion.thetas, shown)
+    assert all(np.isnan(centre).all() for centre in centres.values())
+    shown[5] = True
+    _, centres = bones_and_centres(limb.subject, motion.thetas, shown)
+    write_trc(tmp_path / "c.trc", motion.times, centres)
+    rows = [line.split("\t") for line in (tmp_path / "c.trc").read_text().split("\n")[6:] if line]
+    assert {len(row) for row in rows} == {2 + 3 * len(centres)}
+    assert ["" not in row for row in rows] == [t == 5 for t in range(len(rows))]
+    assert set(rows[4][2:]) == {""}
+
+
+def test_a_chart_has_a_gap_where_an_angle_is_not_known(tmp_path, limb, motion, monkeypatch):
+    from matplotlib.axes import Axes
+
+    drawn = []
+    plot = Axes.plot
+    monkeypatch.setattr(Axes, "plot", lambda self, *given, **how: drawn.append(given[1]) or plot(self, *given, **how))
+    plot_angles(hand_hidden(motion, limb), limb.subject.anatomy, tmp_path / "angles.png")
+    assert [bool(np.isfinite(line).any()) for line in drawn] == [True, True, False, False]  # elbow, forearm, wrist
+
+
+def test_the_summary_names_bones_that_did_not_show(limb, motion, capsys):
+    print_motion(hand_hidden(motion, limb))
+    said = capsys.readouterr().out
+    assert "11 of 12 frames tracked" in said
+    assert "hand does not show in 11 of the frames tracked" in said
+    assert "ulna" not in said
 
 
 @pytest.mark.parametrize(("frame", "said"), [(LOST, "was lost: nobody, there"), (12, "frames run from 0 to 11")])

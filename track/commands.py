@@ -53,7 +53,7 @@ def track_command(
 
 
 def print_motion(motion) -> None:  # type: ignore[no-untyped-def]
-    """A short summary: frames tracked, how well, and why others were lost."""
+    """A short summary: frames tracked, how well, which bones did not show in them, and why others were lost."""
     import numpy as np
 
     tracked = motion.tracked
@@ -61,7 +61,10 @@ def print_motion(motion) -> None:  # type: ignore[no-untyped-def]
     if tracked.any():
         residual = 1e3 * float(np.median(motion.residuals[tracked]))
         coverage = 100.0 * float(np.median(motion.coverage[tracked]))
-        stdout.print(f"skin to cloud {residual:.2f} mm (median), {coverage:.0f} % of the visible skin found")
+        stdout.print(f"skin to cloud {residual:.2f} mm (median), {coverage:.0f} % of the skin in sight found")
+    for name, shown in zip(motion.transforms, motion.shown.T, strict=True):
+        if hidden := int((tracked & ~shown).sum()):
+            stdout.print(f"{name} does not show in {hidden} of the frames tracked", highlight=False)
     for number in np.flatnonzero(~tracked)[:5]:
         stdout.print(f"lost at {motion.times[number]:.3f} s: {motion.lost[number]}")
     if (~tracked).sum() > 5:

@@ -17,9 +17,10 @@ from adapt.model.body import bone_transforms, joint_centres
 from adapt.subject import Subject
 from capture.errors import BonetrackError
 from capture.files import UNREADABLE, replaced_when_complete
+from track.shown import Bools, centres_known
 
 FORMAT = "bonetrack-motion"
-VERSION = 1
+VERSION = 2  # 2: which bones show
 TRACKED = ""
 
 
@@ -31,7 +32,10 @@ class MotionError(BonetrackError):
 class Motion:
     """T frames of one subject.
 
-    A frame whose ``lost`` text is not empty was not tracked, for that reason: its pose is NaN.
+    A frame whose ``lost`` text is not empty was not tracked, for that reason: its pose is NaN. Of a frame that was
+    tracked ``thetas`` are whole, so that they pose a body; where a bone at either end of a joint does not show they are
+    guesses, and the deviations say so (``track.shown.known_thetas`` leaves guesses out). Transforms and centres that
+    are not known are NaN.
     """
 
     anatomy: str
@@ -41,8 +45,9 @@ class Motion:
     deviations: Floats = field(repr=False)  # (T, n) standard deviations, rad, m
     lost: tuple[str, ...] = field(repr=False)  # (T,) reason, or empty where tracked
     residuals: Floats = field(repr=False)  # (T,) median distance of skin and cloud, m
-    coverage: Floats = field(repr=False)  # (T,) share of the skin that should show and has a target
+    coverage: Floats = field(repr=False)  # (T,) share of the skin in sight that was found
     matches: Floats = field(repr=False)  # (T,) matched skin vertices
+    shown: Bools = field(repr=False)  # (T, B), bones in the order of the anatomy's and of ``transforms``
     transforms: dict[str, Floats] = field(repr=False)  # bone name -> (T, 4, 4), rest to pose
     centres: dict[str, Floats] = field(repr=False)  # joint name -> (T, 3) m
 
@@ -51,9 +56,13 @@ class Motion:
         """Which frames (T,) were tracked."""
         return np.array([reason == TRACKED for reason in self.lost])
 
+    def hidden(self, frame: int) -> list[str]:
+        """Names of the bones that do not show in a frame."""
+        return [name for name, shows in zip(self.transforms, self.shown[frame], strict=True) if not shows]
 
-def bones_and_centres(subject: Subject, thetas: Floats) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Bone transforms (T, 4, 4) and joint centres (T, 3) of poses (T, n), NaN where the pose is NaN."""
+
+def bones_and_centres(subject: Subject, thetas: Floats, shown: Bools) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Bone transforms (T, 4, 4) and joint centres (T, 3) of poses (T, n) where bones (T, B) show, elsewhere NaN."""
     anatomy = subject.anatomy
     transforms = {bone.name: np.full((len(thetas), 4, 4), np.nan) for bone in anatomy.bones}
     centres = {joint.name: np.full((len(thetas), 3), np.nan) for joint in anatomy.joints}
@@ -64,6 +73,10 @@ def bones_and_centres(subject: Subject, thetas: Floats) -> tuple[dict[str, Float
             transforms[name][t] = transform
         for name, centre in joint_centres(subject.body, theta).items():
             centres[name][t] = centre
+    for name, shows in zip(transforms, shown.T, strict=True):
+        transforms[name][~shows] = np.nan
+    for name, known in centres_known(anatomy, shown).items():
+        centres[name][~known] = np.nan
     return transforms, centres
 
 
@@ -89,6 +102,8 @@ def load_motion(folder: Path) -> Motion:
 
     Raises:
         MotionError: missing, not a motion, or a newer format version.
+
+    Version 1 told nothing of single bones: all of them show where the frame was tracked.
     """
     path = folder / "motion.npz" if folder.is_dir() else folder
     if not path.is_file():
@@ -102,11 +117,15 @@ def load_motion(folder: Path) -> Motion:
         if description["version"] > VERSION:
             newer = f"format version {description['version']} is newer than {VERSION}"
             raise MotionError(newer, where=path, remedy="update bonetrack")
+        transforms = _group(arrays, "transforms/")
+        if description["version"] < 2:
+            tracked = np.array([reason == TRACKED for reason in description["lost"]])
+            arrays["shown"] = np.tile(tracked[:, None], (1, len(transforms)))
         return Motion(
             anatomy=description["anatomy"],
             coordinates=tuple(description["coordinates"]),
             lost=tuple(description["lost"]),
-            transforms=_group(arrays, "transforms/"),
+            transforms=transforms,
             centres=_group(arrays, "centres/"),
             **{name: arrays[name] for name in _ARRAYS},
         )
@@ -119,7 +138,7 @@ def coordinate_names(anatomy: Anatomy) -> tuple[str, ...]:
     return tuple(coordinate.name for coordinate in anatomy.coordinates)
 
 
-_ARRAYS = ("times", "thetas", "deviations", "residuals", "coverage", "matches")
+_ARRAYS = ("times", "thetas", "deviations", "shown", "residuals", "coverage", "matches")
 
 
 def _group(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, Floats]:

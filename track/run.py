@@ -24,6 +24,7 @@ from track.angles import refuse_without_humerus, reported_coordinates, thoraco_h
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
+from track.shown import known_thetas
 from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
 
 JOURNAL = "frames.jsonl"
@@ -77,11 +78,12 @@ def write_motion_folder(
     motion: Motion, subject: Subject, out: Path, *, world_from_thorax: Floats | None = None
 ) -> None:
     """Write ``motion.npz``, ``angles.mot``, ``centres.trc`` and ``quality.csv``."""
-    columns = reported_coordinates(subject.anatomy, motion.thetas)
+    thetas = known_thetas(subject.anatomy, motion.thetas, motion.shown)
+    columns = reported_coordinates(subject.anatomy, thetas)
     if world_from_thorax is not None:
         root = next(joint for joint in subject.anatomy.joints if joint.type == "free")
         rotation = [subject.anatomy.coordinate_index(name) for name in root.coordinates[:3]]
-        columns |= thoraco_humeral(world_from_thorax, motion.thetas, rotation, side=subject.anatomy.side)
+        columns |= thoraco_humeral(world_from_thorax, thetas, rotation, side=subject.anatomy.side)
     write_mot(out / "angles.mot", motion.times, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
     write_quality(out / "quality.csv", motion, subject.anatomy)
@@ -102,7 +104,8 @@ def _track_one(
 
 def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
     thetas = np.array([frame.theta for frame in frames])
-    transforms, centres = bones_and_centres(subject, thetas)
+    shown = np.array([frame.shown for frame in frames])
+    transforms, centres = bones_and_centres(subject, thetas, shown)
     deviations = np.array([np.sqrt(np.diag(frame.covariance)) for frame in frames])
     deviations[~np.isfinite(thetas)] = np.nan
     return Motion(
@@ -112,6 +115,7 @@ def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
         thetas=thetas,
         deviations=deviations,
         lost=tuple(frame.lost for frame in frames),
+        shown=shown,
         residuals=np.array([frame.residual_m for frame in frames]),
         coverage=np.array([frame.coverage for frame in frames]),
         matches=np.array([frame.matches for frame in frames]),
@@ -139,6 +143,7 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
         time_s=entry["time_s"],
         theta=np.array(entry["theta"], dtype=np.float64),
         covariance=np.array(entry["covariance"], dtype=np.float64),
+        shown=np.array(entry["shown"], dtype=bool),
         residual_m=entry["residual_m"],
         coverage=entry["coverage"],
         matches=entry["matches"],
@@ -149,4 +154,5 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
 def _state(entry: dict[str, Any] | None) -> TrackerState | None:
     if entry is None:
         return None
-    return TrackerState(entry["time_s"], np.array(entry["theta"]), np.array(entry["velocity"]), entry["searched_s"])
+    arrays = {name: np.array(entry[name], dtype=np.float64) for name in ("theta", "velocity", "known_s")}
+    return TrackerState(**entry | arrays | {"shown": np.array(entry["shown"], dtype=bool)})

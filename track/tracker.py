@@ -1,8 +1,9 @@
 """Tracking (paper, section 3.4): algorithm 1 on every frame, from the last pose, with a motion prior.
 
-A frame is lost, and says why, when too little of the skin that should show has a target or when what matches
-does so badly. Its pose is never made up; the next frame starts from the last pose that was tracked, with a prior
-that has loosened meanwhile.
+A frame is lost, and says why, when the skin in sight is not found where the pose says, or when no bone shows. Its
+pose is never made up; the next frame starts from the last pose that was tracked, with a prior that has loosened
+meanwhile. In a frame that is tracked, bones may be out of sight (``track.shown``): the prior keeps what only they tell,
+and its standard deviation grows.
 """
 
 from __future__ import annotations
@@ -22,28 +23,33 @@ from adapt.model.body import pose_skin_varying
 from adapt.subject import Subject
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
+from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen, fits, shows
 
 SAMPLED_VERTICES = 2000
 ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
 ACCELERATION_M_S2 = 20.0
 _FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower than this
 _MEMORY_S = 0.25  # a velocity older than this says nothing any more
-LEAST_COVERAGE = 0.75
-LARGEST_SKIN_M = 0.013  # mean distance of the skin that should show to the cloud
+LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 LARGEST_RESIDUAL_M = 0.006
 _GATE_M = 0.03
 _UPDATES, _STEPS = 8, 1
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
+_LONGEST_WAIT_S = 8.0  # between searches for bones out of sight
 
 
 @dataclass(frozen=True)
 class TrackedFrame:
-    """One frame: pose (n,), covariance (n, n), and quality; ``lost`` is the reason, or empty."""
+    """One frame: pose (n,), covariance (n, n), which bones show (B,), and quality; ``lost`` is the reason, or empty.
+
+    Of a tracked frame the pose is whole, coordinates of bones that do not show are guessed.
+    """
 
     time_s: float
     theta: Floats = field(repr=False)
     covariance: Floats = field(repr=False)
+    shown: Bools = field(repr=False)
     residual_m: float
     coverage: float
     matches: int
@@ -52,12 +58,20 @@ class TrackedFrame:
 
 @dataclass(frozen=True)
 class TrackerState:
-    """What the next frame needs: the last tracked pose, its time, its velocity, and when the limb was searched."""
+    """What the next frame needs: the last tracked pose, its time, its velocity, and what is not known of it.
+
+    ``shown`` are the bones that showed then; ``known_s`` says when each coordinate was last known (-inf: never),
+    ``searched_s`` when the limb was last searched, ``wait_s`` how long to wait before bones that are out of sight are
+    searched again.
+    """
 
     time_s: float
     theta: Floats
     velocity: Floats  # (n,) rad/s, m/s
+    shown: Bools  # (B,)
+    known_s: Floats  # (n,)
     searched_s: float = -np.inf
+    wait_s: float = _FORGOTTEN_S
 
 
 @dataclass(frozen=True)
@@ -75,23 +89,38 @@ class Tracker:
             fit = fit_pose(body, target, start.fit.theta, self.sample)
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), None
-        pose = score_pose(body, target, fit, self.sample)
-        if pose.attached > MOST_ATTACHED:
-            reason = f"{100 * pose.attached:.0f} % of the limb's outline lies on other surface"
+        attached = score_pose(body, target, fit, self.sample).attached
+        if attached > MOST_ATTACHED:
+            reason = f"{100 * attached:.0f} % of the limb's outline lies on other surface"
             return _lost(self.subject.anatomy, time_s, reason), None
-        frame = self._judge(fit, FoundSkin(pose.skin_m, pose.coverage), time_s)
-        return frame, None if frame.lost else TrackerState(time_s, frame.theta, np.zeros_like(frame.theta))
+        never = np.full(len(fit.theta), -np.inf)
+        frame, known_s = self._judge(fit, target, time_s, never, least=LEAST_BONES)
+        if frame.lost:
+            return frame, None
+        still = np.zeros_like(frame.theta)
+        return frame, TrackerState(time_s, frame.theta, still, frame.shown, known_s, searched_s=time_s)
 
     def follow(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
         """Track a frame from the last tracked one.
 
         When the frame is lost the state is unchanged, but for the time of the last search: a pose long gone says
-        nothing of where the limb is now, so it is looked for anew, though not on every frame.
+        nothing of where the limb is now, so it is looked for anew, though not on every frame. So it is when bones have
+        been out of sight for long: what is found then stands if more bones show.
         """
         if time_s - max(state.time_s, state.searched_s) > _FORGOTTEN_S:
             frame, found = self.first(target, time_s)
             return frame, found or replace(state, searched_s=time_s)
-        prior = predict(self.subject.anatomy, state, time_s)
+        frame, after = self._continue(target, time_s, state)
+        if frame.lost or not _search_is_due(after):
+            return frame, after
+        anew, found = self.first(target, time_s)
+        if found is not None and anew.shown.sum() > frame.shown.sum():
+            return anew, found
+        return frame, replace(after, searched_s=time_s, wait_s=min(2.0 * after.wait_s, _LONGEST_WAIT_S))
+
+    def _continue(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
+        anatomy = self.subject.anatomy
+        prior = predict(anatomy, state, time_s)
         try:
             fit = fit_pose(
                 self.subject.body,
@@ -104,29 +133,49 @@ class Tracker:
                 prior=prior,
             )
         except FitError as error:
-            return _lost(self.subject.anatomy, time_s, error.problem), state
-        frame = self._judge(fit, find_skin(self.subject.body, target, fit.theta, self.sample), time_s)
+            return _lost(anatomy, time_s, error.problem), state
+        frame, known_s = self._judge(fit, target, time_s, state.known_s, least=1)
         if frame.lost:
             return frame, state
-        elapsed = time_s - state.time_s
-        velocity = pose_difference(self.subject.anatomy, frame.theta, state.theta) / elapsed
-        return frame, TrackerState(time_s, frame.theta, velocity)
+        velocity = pose_difference(anatomy, frame.theta, state.theta) / (time_s - state.time_s)
+        velocity[~(coordinates_seen(anatomy, frame.shown) & coordinates_seen(anatomy, state.shown))] = 0.0
+        after = TrackerState(time_s, frame.theta, velocity, frame.shown, known_s)
+        return frame, after if frame.shown.all() else replace(after, searched_s=state.searched_s, wait_s=state.wait_s)
 
     def missed(self, time_s: float, reason: str) -> TrackedFrame:
         """A frame that cannot even be looked at."""
         return _lost(self.subject.anatomy, time_s, reason)
 
-    def _judge(self, fit: PoseFit, found: FoundSkin, time_s: float) -> TrackedFrame:
-        lost = ""
-        if found.coverage < LEAST_COVERAGE:
-            lost = f"only {100 * found.coverage:.0f} % of the skin that should show was found"
-        elif fit.residual_m > LARGEST_RESIDUAL_M:
-            lost = f"skin and cloud are {1e3 * fit.residual_m:.1f} mm apart"
-        elif found.skin_m > LARGEST_SKIN_M:
-            lost = f"the skin that should show is {1e3 * found.skin_m:.1f} mm from the cloud"
+    def _judge(
+        self, fit: PoseFit, target: Target, time_s: float, known_s: Floats, *, least: int
+    ) -> tuple[TrackedFrame, Floats]:
+        """The frame that a fit makes, lost if fewer bones with skin show, and when each coordinate was last known."""
+        anatomy = self.subject.anatomy
+        found = find_skin(self.subject.body, target, fit.theta, self.sample)
+        shown = bones_shown(anatomy, found.bones)
+        lost = _why_lost(fit, found, sum(shows(part) for part in found.bones.values()) < min(least, len(found.bones)))
+        if lost:
+            shown[:] = False
+        known_s = np.where(coordinates_known(anatomy, shown[None])[0], time_s, known_s)
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
-        covariance = pose_covariance(self.subject, fit, self.sample)
-        return TrackedFrame(time_s, theta, covariance, fit.residual_m, found.coverage, len(fit.matches), lost)
+        covariance = unsure_where_unknown(anatomy, pose_covariance(self.subject, fit, self.sample), time_s - known_s)
+        quality = (fit.residual_m, found.whole.coverage, len(fit.matches))
+        return TrackedFrame(time_s, theta, covariance, shown, *quality, lost), known_s
+
+
+def _why_lost(fit: PoseFit, found: FoundSkin, too_few: bool) -> str:
+    if fit.residual_m > LARGEST_RESIDUAL_M:
+        return f"skin and cloud are {1e3 * fit.residual_m:.1f} mm apart"
+    if not fits(found.whole):
+        share, apart = 100 * found.whole.coverage, 1e3 * found.whole.skin_m
+        return f"{share:.0f} % of the skin in sight was found, {apart:.1f} mm from the cloud"
+    return "too few bones show" if too_few else ""
+
+
+def _search_is_due(state: TrackerState) -> bool:
+    """Whether something has not been known for long, nor searched for."""
+    unknown_s = state.time_s - float(state.known_s.min())
+    return unknown_s > _FORGOTTEN_S and state.time_s - state.searched_s > state.wait_s
 
 
 def make_tracker(subject: Subject) -> Tracker:
@@ -139,10 +188,26 @@ def predict(anatomy: Anatomy, state: TrackerState, time_s: float) -> GaussianPos
     dt = time_s - state.time_s
     memory = float(np.exp(-max(0.0, dt - 0.05) / _MEMORY_S))
     mean = advance(anatomy, state.theta, state.velocity * dt * memory)
+    return GaussianPose(mean, np.diag(1.0 / _spread(anatomy, np.array(dt)) ** 2))
+
+
+def _spread(anatomy: Anatomy, dt: Floats) -> Floats:
+    """Standard deviation (n,) in rad or m of coordinates not seen for ``dt`` () or (n,) seconds."""
     rotational = np.array([coordinate.unit == "rad" for coordinate in anatomy.coordinates])
     spread = np.where(rotational, ACCELERATION_RAD_S2, ACCELERATION_M_S2) * dt**2 / 2.0
-    spread += np.where(rotational, _FLOOR_RAD, _FLOOR_M)
-    return GaussianPose(mean, np.diag(1.0 / spread**2))
+    return np.asarray(spread + np.where(rotational, _FLOOR_RAD, _FLOOR_M))
+
+
+def unsure_where_unknown(anatomy: Anatomy, covariance: Floats, unknown_s: Floats) -> Floats:
+    """The covariance (n, n) of a pose whose coordinates have not been known for so long (n,) s; 0 where they are.
+
+    What is not known spreads as in ``predict``, up to the standard deviation of any place of its range being as likely.
+    """
+    anywhere = np.array([(c.high - c.low) / np.sqrt(12.0) for c in anatomy.coordinates])
+    guess = np.minimum(_spread(anatomy, unknown_s), anywhere)
+    unknown = unknown_s > 0.0
+    told = covariance * ~(unknown[:, None] | unknown)
+    return np.asarray(told + np.diag(np.where(unknown, guess, 0.0) ** 2))
 
 
 def pose_difference(anatomy: Anatomy, theta: Floats, earlier: Floats) -> Floats:
@@ -187,6 +252,5 @@ def _free_rotations(anatomy: Anatomy) -> list[list[int]]:
 
 
 def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:
-    n = len(anatomy.coordinates)
-    nothing = np.full(n, np.nan)
-    return TrackedFrame(time_s, nothing, np.full((n, n), np.nan), np.nan, 0.0, 0, reason)
+    n, nowhere = len(anatomy.coordinates), np.zeros(len(anatomy.bones), dtype=bool)
+    return TrackedFrame(time_s, np.full(n, np.nan), np.full((n, n), np.nan), nowhere, np.nan, 0.0, 0, reason)

@@ -1,4 +1,4 @@
-"""How well a pose explains a cloud: what candidates are compared by, and what tells that a frame is lost."""
+"""How well a pose explains a cloud: what candidates are compared by, and what tells which bones show."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
@@ -17,6 +18,7 @@ from adapt.model.surface import vertex_areas
 from capture.fuse import Cloud
 
 FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
+_NEAR_M = 0.025  # skin this near to the cloud is found
 ATTACHED_M = 0.03  # what a limb whose whole outline lies on other surface costs
 VOID_M = 0.06  # what a limb that lies in empty space altogether costs
 _BESIDE_M = 0.035  # how far beside the outline to look for other surface
@@ -27,11 +29,25 @@ _OUTLINE = 0.35  # cosine between normal and line of sight below which skin belo
 
 
 @dataclass(frozen=True)
-class FoundSkin:
-    """Of the skin that should show: its mean distance to the cloud (m), and the share of it that is found there."""
+class FoundPart:
+    """Of some skin the share in sight; of that the mean distance to the cloud (m) and the share found there.
 
+    Skin is in sight where a sensor that it faces looks at it. It is not where the limb leaves the image, where
+    something nearer hides it, or where the sensor does show it but those points were left out of the cloud (by the
+    region of interest): there it neither speaks for the pose nor against it.
+    """
+
+    in_sight: float
     skin_m: float
     coverage: float
+
+
+@dataclass(frozen=True)
+class FoundSkin:
+    """All the skin that counts, and that of each bone that has any: skin counts there by its share that rides on it."""
+
+    whole: FoundPart
+    bones: dict[str, FoundPart]
 
 
 @dataclass(frozen=True)
@@ -62,29 +78,37 @@ def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> 
     skin = pose_skin(body, fit.theta)
     points, normals = skin[sample.vertices], sample.normals(skin)[sample.vertices]
     weight = sample.observations[sample.vertices]
-    found = _found(target, points, normals, weight)
+    sight = _sight(target, points, normals)
+    skin_m, coverage = _found(sight.distance, weight * sight.weight)
     tree = cKDTree(skin[:: max(1, len(skin) // 2000)])
     unexplained, _ = tree.query(target.cloud.points[:: max(1, len(target.cloud.points) // 500)])
     cloud_m = float(np.minimum(unexplained, FAR_M).mean())
     attached = float(attached_share(target.cloud, points[None], normals[None], weight)[0])
     void = float(void_share(target.cloud, skin[None], vertex_areas(skin, body.anatomy.skin_faces))[0])
-    return ScoredPose(fit, found.skin_m, cloud_m, found.coverage, attached, void)
+    return ScoredPose(fit, skin_m, cloud_m, coverage, attached, void)
 
 
 def find_skin(body: Body, target: Target, theta: Floats, sample: SkinSample) -> FoundSkin:
-    """The part of ``score_pose`` that tells whether a limb that is being followed is lost."""
+    """What of a posed skin is in sight and found there, as a whole and bone by bone."""
     skin = pose_skin(body, theta)
-    points, normals = skin[sample.vertices], sample.normals(skin)[sample.vertices]
-    return _found(target, points, normals, sample.observations[sample.vertices])
+    sight = _sight(target, skin[sample.vertices], sample.normals(skin)[sample.vertices])
+    counted = sample.observations[sample.vertices]
+    shares = counted * body.skin_riding[sample.vertices].T
+    names = [bone.name for bone in body.anatomy.bones]
+    parts = {name: _part(sight, share) for name, share in zip(names, shares, strict=True) if share.any()}
+    return FoundSkin(_part(sight, counted), parts)
 
 
-def _found(target: Target, points: Floats, normals: Floats, weights: Floats) -> FoundSkin:
-    distance, should_show = _distance_if_visible(target, points, normals)
-    shown = weights * should_show
-    if not shown.any():
-        return FoundSkin(FAR_M, 0.0)
-    near = distance < 0.5 * FAR_M
-    return FoundSkin(float(np.average(distance, weights=shown)), float(np.average(near, weights=shown)))
+def _part(sight: _Sight, counted: Floats) -> FoundPart:
+    shown = counted * sight.in_sight
+    return FoundPart(float(shown.sum() / counted.sum()), *_found(sight.distance, shown))
+
+
+def _found(distance: Floats, weights: Floats) -> tuple[float, float]:
+    """Weighted mean of distances (N,) m and the share of them that is small."""
+    if not weights.any():
+        return FAR_M, 0.0
+    return float(np.average(distance, weights=weights)), float(np.average(distance < _NEAR_M, weights=weights))
 
 
 def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Floats) -> Floats:
@@ -122,13 +146,24 @@ def void_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
     return np.asarray(void @ weights / weights.sum())
 
 
-def _distance_if_visible(target: Target, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Truncated distance (N,) to the nearest point of a sensor that a vertex faces, and the weight (N,) of it.
+@dataclass(frozen=True)
+class _Sight:
+    """Of N vertices: distance (N,) m to the cloud, truncated; what it weighs in a score (N,); which are in sight (N,).
 
-    A vertex that faces a sensor but is hidden by something nearer may rightly be hidden: it counts, at half
-    weight, as unexplained, so that hiding the whole limb behind the trunk does not pay.
+    The distance is that to the nearest point of a sensor that the vertex faces. A vertex that faces a sensor but is
+    hidden by something nearer may rightly be hidden: in a score it counts, at half weight, as unexplained, so that
+    hiding the whole limb behind the trunk does not pay.
     """
+
+    distance: Floats
+    weight: Floats
+    in_sight: NDArray[np.bool_]
+
+
+def _sight(target: Target, points: Floats, normals: Floats) -> _Sight:
+    """How the target's sensors see vertices (N, 3) with unit normals."""
     distance, weight = np.full(len(points), FAR_M), np.zeros(len(points))
+    in_sight = np.zeros(len(points), dtype=bool)
     for view, _, tree in target.parts:
         sight = view.world_from_sensor[:3, 3] - points
         faces = np.einsum("ij,ij->i", normals, sight) > 0.3 * np.linalg.norm(sight, axis=1)
@@ -137,4 +172,7 @@ def _distance_if_visible(target: Target, points: Floats, normals: Floats) -> tup
         distance[seen] = np.minimum(distance[seen], nearest)
         weight[seen] = 1.0
         weight[faces & ~seen] = np.maximum(weight[faces & ~seen], 0.5)
-    return distance, weight
+        measured, depth, _ = depth_at(view, points[seen])
+        left_out = (np.abs(measured - depth) < _NEAR_M) & (nearest >= _NEAR_M)
+        in_sight[seen] |= ~left_out
+    return _Sight(distance, weight, in_sight)

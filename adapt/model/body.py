@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.model.deformers import Bound, bind, carry
+from adapt.model.deformers import Bound, bind, carry, riding
 from adapt.model.frames import frame_from_landmarks, landmark_mean
 from adapt.model.handles import AffineSet, affine_set, deform, deform_varying, handle_positions, local_scale
 from adapt.model.kinematics import bone_motions
@@ -54,6 +54,16 @@ class Body:
         """The whole rest skin bound to each deformer, as it is when only the pose varies."""
         p, skin = constant_points(self.p.value, 1), still_points(self.v_tilde.value)
         return tuple(bind(self.anatomy, deformer, p, skin) for deformer in self.anatomy.deformers)
+
+    @cached_property
+    def skin_riding(self) -> Floats:
+        """The share (V, B) of each skin vertex that rides on each bone; a bone without skin (a kneecap) has none."""
+        names, shares = [bone.name for bone in self.anatomy.bones], self.anatomy.deformer_weights.T
+        rides = np.zeros((len(self.v_hat), len(names)))
+        for deformer, bound, weight in zip(self.anatomy.deformers, self.bound_skin, shares, strict=True):
+            for name, share in riding(deformer, bound).items():
+                rides[:, names.index(name)] += weight * share
+        return rides
 
     @cached_property
     def rest_bones(self) -> dict[str, Floats]:

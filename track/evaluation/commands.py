@@ -83,6 +83,8 @@ def print_evaluation(evaluation) -> None:  # type: ignore[no-untyped-def]
         table.add_row(row.name, row.unit, f"{row.mean:.2f}", f"{row.sd:.2f}", f"{row.maximum:.2f}", covered)
     stdout.print(table)
     stdout.print(f"{evaluation.lost} of {evaluation.frames} frames lost", highlight=False)
+    claimed = f"{evaluation.claimed} of {evaluation.bones} bones in all frames are claimed to be known"
+    stdout.print(f"{claimed}, and only those are scored", highlight=False)
 
 
 def _performance(anatomy: str, motion: Path, subject: Path | None):  # type: ignore[no-untyped-def]

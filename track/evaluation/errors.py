@@ -23,6 +23,7 @@ from capture.files import UNREADABLE, replaced_when_complete
 from capture.recording import Recording, world_from_sensor
 from capture.rigid import apply, inverse, log_so3, transform
 from track.motion import Motion, MotionError
+from track.shown import Bools, centres_known, coordinates_known, skin_shown
 
 _SURFACE_POINTS = 600  # of each surface, whose distance to the true surface is measured
 _NEAREST_S = 1e-3
@@ -40,7 +41,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class ErrorSummary:
-    """One kind of error over the tracked frames.
+    """One kind of error over the frames in which the motion knows what it is an error of.
 
     ``covered`` is the share of frames whose error is within two of the standard deviations that the motion states,
     None for kinds of error that it states none for.
@@ -57,9 +58,10 @@ class ErrorSummary:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Errors (T,) by kind, NaN where the frame was not tracked; ``frames`` and ``lost`` count them.
+    """Errors (T,) by kind, NaN where the frame was not tracked or the motion does not claim to know.
 
-    ``stated`` holds the standard deviations (T,) that the motion itself gives, for the kinds that have one.
+    ``frames`` and ``lost`` count frames; of the ``bones`` in all frames so many are ``claimed``. ``stated`` holds the
+    standard deviations (T,) that the motion itself gives, for the kinds that have one.
     """
 
     errors: dict[str, Floats] = field(repr=False)
@@ -67,6 +69,8 @@ class Evaluation:
     stated: dict[str, Floats] = field(repr=False)
     frames: int
     lost: int
+    bones: int
+    claimed: int
 
     def summaries(self) -> list[ErrorSummary]:
         """Mean, standard deviation, maximum and root mean square of every kind."""
@@ -95,7 +99,8 @@ class Evaluation:
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for a file."""
-        return {"frames": self.frames, "lost": self.lost, "errors": {row.name: _plain(row) for row in self.summaries()}}
+        counts = {name: getattr(self, name) for name in ("frames", "lost", "bones", "claimed")}
+        return counts | {"errors": {row.name: _plain(row) for row in self.summaries()}}
 
 
 def _plain(row: ErrorSummary) -> dict[str, Any]:
@@ -142,7 +147,7 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
 
     Kinds of error: joint centres (mm), coordinates (deg, absolute), the root bone's orientation (deg), bone
     surfaces (mm, distance of tracked points to the true surface), bone points (mm, the same anatomical point),
-    skin (mm, distance to the true skin).
+    skin (mm, distance to the true skin). What the motion does not know is not scored (``track.shown``).
 
     Raises:
         MotionError: no truth, other anatomies, or no frame at a time of the truth.
@@ -156,6 +161,7 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
     common = world_from_common(recording, truth)
     errors: dict[str, list[float]] = {}
     units: dict[str, str] = {}
+    known = _known(subject.anatomy, motion)
     for t, time in enumerate(motion.times):
         nearest = int(np.abs(truth.times - time).argmin())
         if abs(truth.times[nearest] - time) > _NEAREST_S:
@@ -166,21 +172,32 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
                 values.append(np.nan)
             continue
         for (name, unit), value in _frame_errors(
-            subject.body, motion.thetas[t], truth.body, truth.thetas[nearest], common
+            subject.body, motion.thetas[t], motion.shown[t], truth.body, truth.thetas[nearest], common
         ).items():
             units[name] = unit
-            errors.setdefault(name, [np.nan] * t).append(value)
+            errors.setdefault(name, [np.nan] * t).append(value if known[name][t] else np.nan)
     arrays = {name: np.array(values) for name, values in errors.items()}
     stated = {
         f"angle {name}": np.rad2deg(motion.deviations[:, i])
         for i, name in enumerate(motion.coordinates)
         if f"angle {name}" in arrays
     }
-    return Evaluation(arrays, units, stated, len(motion.times), int((~motion.tracked).sum()))
+    lost, claimed = int((~motion.tracked).sum()), int(motion.shown.sum())
+    return Evaluation(arrays, units, stated, len(motion.times), lost, motion.shown.size, claimed)
+
+
+def _known(anatomy: Anatomy, motion: Motion) -> dict[str, Bools]:
+    """In which frames (T,) the motion knows what each kind of error is of."""
+    shown = {bone.name: motion.shown[:, k] for k, bone in enumerate(anatomy.bones)}
+    names = zip(motion.coordinates, coordinates_known(anatomy, motion.shown).T, strict=True)
+    known = {f"centre {name}": there for name, there in centres_known(anatomy, motion.shown).items()}
+    known |= {f"angle {name}": there for name, there in names}
+    known |= {f"{kind} {name}": there for name, there in shown.items() for kind in ("orientation", "surface", "points")}
+    return known | {"skin": motion.tracked}
 
 
 def _frame_errors(
-    body: Body, theta: Floats, true_body: Body, true_theta: Floats, common: Floats
+    body: Body, theta: Floats, shown: Bools, true_body: Body, true_theta: Floats, common: Floats
 ) -> dict[tuple[str, str], float]:
     errors: dict[tuple[str, str], float] = {}
     true_centres = joint_centres(true_body, true_theta)
@@ -200,11 +217,13 @@ def _frame_errors(
         )
         apart = np.linalg.norm(tracked - true_bones[bone.name], axis=1)
         errors[f"points {bone.name}", "mm"] = 1e3 * float(apart.mean())
-    counted = np.flatnonzero(body.anatomy.fit_weight > 0.5)
+    counted = np.flatnonzero((body.anatomy.fit_weight > 0.5) & skin_shown(body, shown))
     counted = counted[:: max(1, len(counted) // _SURFACE_POINTS)]
     skin = apply(common, pose_skin(body, theta, vertices=counted))
     true_skin = pose_skin(true_body, true_theta)
-    errors["skin", "mm"] = 1e3 * float(distance_to_mesh(skin, true_skin, body.anatomy.skin_faces).mean())
+    errors["skin", "mm"] = np.nan
+    if len(counted):
+        errors["skin", "mm"] = 1e3 * float(distance_to_mesh(skin, true_skin, body.anatomy.skin_faces).mean())
     return errors
 
 

@@ -25,7 +25,10 @@ def export_command(source: Path, subject: Path | None, frame: int | None, out: P
     if source.is_dir():
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
-        written = export_motion(load_motion(source), load_subject(subject), out, frame=frame)
+        motion = load_motion(source)
+        written = export_motion(motion, load_subject(subject), out, frame=frame)
+        if frame is not None and motion.hidden(frame):
+            stdout.print(f"left out, for they do not show in frame {frame}: {', '.join(motion.hidden(frame))}")
     else:
         written = export_subject(load_subject(source), out)
     for path in written:

@@ -15,6 +15,7 @@ from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
 from track.export.opensim_tables import write_mot, write_trc
 from track.motion import Motion, MotionError
+from track.shown import Bools, known_thetas, skin_shown
 
 
 def export_subject(subject: Subject, out: Path) -> list[Path]:
@@ -29,6 +30,8 @@ def export_subject(subject: Subject, out: Path) -> list[Path]:
 def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | None = None) -> list[Path]:
     """Write joint angles (``.mot``, CSV) and centres (``.trc``); with ``frame`` also that frame's skin and bones.
 
+    Bones that do not show in the frame are left out, with the skin that rides on them.
+
     Raises:
         MotionError: the frame does not exist or was lost, or the subject is of another anatomy.
     """
@@ -40,7 +43,7 @@ def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | N
     if frame is not None:
         _check_frame(motion, frame)
     out.mkdir(parents=True, exist_ok=True)
-    columns = reported_coordinates(subject.anatomy, motion.thetas)
+    columns = reported_coordinates(subject.anatomy, known_thetas(subject.anatomy, motion.thetas, motion.shown))
     write_mot(out / "angles.mot", motion.times, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
     written = [out / "angles.mot", out / "centres.trc", _csv(out / "angles.csv", motion.times, columns)]
@@ -57,12 +60,20 @@ def _check_frame(motion: Motion, frame: int) -> None:
 
 
 def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
-    theta = motion.thetas[frame]
-    written = [_ply(out / f"skin_{frame:05d}.ply", pose_skin(body, theta), body.anatomy.skin_faces)]
+    theta, hidden = motion.thetas[frame], motion.hidden(frame)
+    skin = _part_of(pose_skin(body, theta), body.anatomy.skin_faces, skin_shown(body, motion.shown[frame]))
+    written = [_ply(out / f"skin_{frame:05d}.ply", *skin)]
     bones = posed_bones(body, theta)
     for bone in body.anatomy.bones:
-        written.append(_ply(out / f"{bone.name}_{frame:05d}.ply", bones[bone.name], bone.faces))
+        if bone.name not in hidden:
+            written.append(_ply(out / f"{bone.name}_{frame:05d}.ply", bones[bone.name], bone.faces))
     return written
+
+
+def _part_of(vertices: Floats, faces: Ints, kept: Bools) -> tuple[Floats, Ints]:
+    """The part of a mesh whose vertices (V,) are kept."""
+    renumbered = np.cumsum(kept) - 1
+    return vertices[kept], renumbered[faces[kept[faces].all(axis=1)]]
 
 
 def _csv(path: Path, times: Floats, columns: dict[str, Floats]) -> Path:

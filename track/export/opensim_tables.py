@@ -16,14 +16,14 @@ def write_mot(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
     table = np.column_stack([times, *columns.values()])
     header = (
         f"Coordinates\nversion=1\nnRows={len(table)}\nnColumns={table.shape[1]}\ninDegrees=yes\n\n"
-        "Rotations are in degrees, translations in metres. Frames that were not tracked are nan.\nendheader\n"
+        "Rotations are in degrees, translations in metres. What is not known is nan.\nendheader\n"
     )
     rows = ["\t".join(f"{value:.8f}" for value in row) for row in table]
     _write(path, header + "\t".join(["time", *columns]) + "\n" + "\n".join(rows) + "\n")
 
 
 def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
-    """Write points (T, 3) in metres as a marker file in millimetres; frames that were not tracked are empty."""
+    """Write points (T, 3) in metres as a marker file in millimetres; cells of what is not known (NaN) are empty."""
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     names = "\t\t\t".join(points)
     axes = "\t".join(f"{c}{k}" for k in range(1, len(points) + 1) for c in "XYZ")

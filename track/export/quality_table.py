@@ -1,4 +1,4 @@
-"""Per-frame quality as a table: how sure each frame is, and why a frame was lost."""
+"""Per-frame quality as a table: how sure each frame is, which bones do not show, and why a frame was lost."""
 
 from __future__ import annotations
 
@@ -10,19 +10,25 @@ import numpy as np
 from adapt.anatomy import Anatomy
 from capture.files import replaced_when_complete
 from track.motion import Motion
+from track.shown import coordinates_known
 
 
 def write_quality(path: Path, motion: Motion, anatomy: Anatomy) -> None:
-    """Write time, state, fit quality and one standard deviation per coordinate (deg or mm) as CSV."""
+    """Write time, state, fit quality, one standard deviation per coordinate (deg or mm), hidden bones as CSV.
+
+    Deviations are nan where a coordinate is not known; of a tracked frame bones that do not show are named.
+    """
     rotational = np.array([coordinate.unit == "rad" for coordinate in anatomy.coordinates])
     deviations = motion.deviations * np.where(rotational, 180.0 / np.pi, 1e3)
+    deviations[~coordinates_known(anatomy, motion.shown)] = np.nan
     units = ["deg" if turn else "mm" for turn in rotational]
     header = ["time_s", "tracked", "residual_mm", "coverage", "matches"]
     header += [f"sd_{name}_{unit}" for name, unit in zip(motion.coordinates, units, strict=True)]
     with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*header, "lost_because"])
+        writer.writerow([*header, "hidden", "lost_because"])
         for t, time in enumerate(motion.times):
             quality = [f"{1e3 * motion.residuals[t]:.3f}", f"{motion.coverage[t]:.3f}", int(motion.matches[t])]
             spread = [f"{value:.4f}" for value in deviations[t]]
-            writer.writerow([f"{time:.6f}", int(not motion.lost[t]), *quality, *spread, motion.lost[t]])
+            hidden = "" if motion.lost[t] else " ".join(motion.hidden(t))
+            writer.writerow([f"{time:.6f}", int(not motion.lost[t]), *quality, *spread, hidden, motion.lost[t]])

@@ -9,21 +9,26 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats
 from capture.files import replaced_when_complete
 from track.motion import Motion
+from track.shown import known_thetas
 
 
 def plot_angles(
     motion: Motion, anatomy: Anatomy, path: Path, *, true_times: Floats | None = None, true_thetas: Floats | None = None
 ) -> None:
-    """Write a PNG with one panel per coordinate that is not a free joint's: degrees over seconds, band of two SD."""
+    """Write a PNG with one panel per coordinate that is not a free joint's: degrees over seconds, band of two SD.
+
+    Where a coordinate is not known there is a gap; frames that were lost are marked.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
     shown = [i for i, coordinate in enumerate(anatomy.coordinates) if coordinate.name not in free]
+    known = known_thetas(anatomy, motion.thetas, motion.shown)
     figure = Figure(figsize=(9, 1.9 * len(shown)), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, i in zip(figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown, strict=True):
-        angle, spread = np.rad2deg(motion.thetas[:, i]), 2.0 * np.rad2deg(motion.deviations[:, i])
+        angle, spread = np.rad2deg(known[:, i]), 2.0 * np.rad2deg(motion.deviations[:, i])
         if true_times is not None and true_thetas is not None:
             axes.plot(true_times, np.rad2deg(true_thetas[:, i]), color="black", lw=2.5, alpha=0.3, label="truth")
         axes.fill_between(motion.times, angle - spread, angle + spread, color="tab:blue", alpha=0.25, lw=0)

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from adapt.anatomy import Anatomy, Deformer
+import numpy as np
+
+from adapt.anatomy import Anatomy, Deformer, Floats
 from adapt.model.deformers.bend import BoundBend, bind_bend, carry_bend
 from adapt.model.deformers.forearm import BoundForearm, bind_forearm, carry_forearm
 from adapt.model.deformers.rigid import rigid
@@ -34,3 +36,10 @@ def carry(deformer: Deformer, bound: Bound, motions: Mapping[str, Motion]) -> Po
         return rigid(motions[deformer.bones[0]], bound)
     first, second = (motions[bone] for bone in deformer.bones)
     return carry_bend(bound, (first, second)) if isinstance(bound, BoundBend) else carry_forearm(bound, (first, second))
+
+
+def riding(deformer: Deformer, bound: Bound) -> dict[str, Floats]:
+    """The share (N,) of each bound point that rides on each of the deformer's bones; they sum up to 1."""
+    if isinstance(bound, Points):
+        return {deformer.bones[0]: np.ones(len(bound.value))}
+    return dict(zip(deformer.bones, (1.0 - bound.t, bound.t), strict=True))

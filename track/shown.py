@@ -1,0 +1,104 @@
+"""Which bones show in a frame, and what is known where not all do.
+
+A bone shows when enough of the skin that rides on it is in sight and is found where the pose says. Where a bone does
+not show, its pose is a guess from its neighbours and from the past: good enough to start the next frame from, but
+nothing to hand on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.fit.score import FoundPart
+from adapt.model.body import Body
+
+LEAST_IN_SIGHT = 0.1  # of a bone's skin; a limb seen from one side shows some 0.4 of it, one that points at it 0.15
+LEAST_COVERAGE = 0.75  # of the skin in sight
+LARGEST_SKIN_M = 0.011  # mean distance of the skin in sight to the cloud
+_TURNS_ABOUT_CENTRE = ("hinge", "ball")  # types of joints whose centre the child carries as well as the parent
+
+Bools = NDArray[np.bool_]
+
+
+def fits(part: FoundPart) -> bool:
+    """Whether the skin in sight is where the cloud is."""
+    return part.coverage >= LEAST_COVERAGE and part.skin_m <= LARGEST_SKIN_M
+
+
+def shows(part: FoundPart) -> bool:
+    """Whether some skin shows: enough of it is in sight, and that fits."""
+    return part.in_sight >= LEAST_IN_SIGHT and fits(part)
+
+
+def bones_shown(anatomy: Anatomy, skin: Mapping[str, FoundPart]) -> Bools:
+    """Which bones (B,) show, given how the skin of those that have any is found.
+
+    A bone without skin of its own (a kneecap) is placed by a coordinate that it shares: it shows when its parent shows
+    and so does the other bone that moves by that coordinate.
+    """
+    own = {name: shows(part) for name, part in skin.items()}
+    return np.array([own[b.name] if b.name in own else _placed(anatomy, b.name, own) for b in anatomy.bones])
+
+
+def _placed(anatomy: Anatomy, bone: str, shown: Mapping[str, bool]) -> bool:
+    joint = next(joint for joint in anatomy.joints if joint.child == bone)
+    others = [j.child for j in anatomy.joints if j is not joint and set(j.coordinates) & set(joint.coordinates)]
+    return bool(others) and all(shown.get(name or "", False) for name in (joint.parent, *others))
+
+
+def coordinates_known(anatomy: Anatomy, shown: Bools) -> Bools:
+    """Which coordinates (T, n) are known where bones (T, B) show: those of a joint whose parent and child both do.
+
+    A coordinate that joints share is known where it is known of one of them.
+    """
+    known = np.zeros((len(shown), len(anatomy.coordinates)), dtype=bool)
+    for joint in anatomy.joints:
+        ends = shown[:, _ends(anatomy, joint)].all(axis=1)
+        for name in joint.coordinates:
+            known[:, anatomy.coordinate_index(name)] |= ends
+    return known
+
+
+def coordinates_seen(anatomy: Anatomy, shown: Bools) -> Bools:
+    """Which coordinates (n,) move a bone that shows, given which bones (B,) do: those whose change can be seen."""
+    moves = dict(zip((bone.name for bone in anatomy.bones), shown.tolist(), strict=True))
+    seen = np.zeros(len(anatomy.coordinates), dtype=bool)
+    for joint in reversed(anatomy.joints):  # children come after their parents
+        if joint.parent is not None:
+            moves[joint.parent] |= moves[joint.child]
+        for name in joint.coordinates:
+            seen[anatomy.coordinate_index(name)] |= moves[joint.child]
+    return seen
+
+
+def known_thetas(anatomy: Anatomy, thetas: Floats, shown: Bools) -> Floats:
+    """Poses (T, n) with NaN for what is not known where bones (T, B) show."""
+    return np.where(coordinates_known(anatomy, shown), thetas, np.nan)
+
+
+def centres_known(anatomy: Anatomy, shown: Bools) -> dict[str, Bools]:
+    """In which frames (T,) each joint's centre is known where bones (T, B) show.
+
+    The parent carries it, and so does a child that only turns about it; a child that glides does not.
+    """
+    return {joint.name: np.asarray(shown[:, _carriers(anatomy, joint)].any(axis=1)) for joint in anatomy.joints}
+
+
+def skin_shown(body: Body, shown: Bools) -> Bools:
+    """Which skin vertices (V,) ride mostly on a bone that shows, given which bones (B,) do."""
+    return np.asarray(shown[body.skin_riding.argmax(axis=1)])
+
+
+def _ends(anatomy: Anatomy, joint: Joint) -> list[int]:
+    """Indices of the bones that a joint joins; a free joint has one."""
+    names = [bone.name for bone in anatomy.bones]
+    return [names.index(name) for name in (joint.parent, joint.child) if name is not None]
+
+
+def _carriers(anatomy: Anatomy, joint: Joint) -> list[int]:
+    ends = _ends(anatomy, joint)
+    return ends if joint.type in _TURNS_ABOUT_CENTRE else ends[:1]
