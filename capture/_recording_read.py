@@ -18,12 +18,14 @@ from capture._recording_types import (
     BOX_FRAMES_FILE,
     CALIBRATION_FILE,
     CALIBRATION_FORMAT,
+    COLOUR_FRAMES_FILE,
     FORMAT,
     FRAMES_FILE,
     HEADER_FILE,
     UNFINISHED_FILE,
     VERSION,
     Calibration,
+    Colour,
     FrameFile,
     Recording,
     Region,
@@ -62,6 +64,7 @@ def open_recording(path: Path | str) -> Recording:
         box_size_m=_optional(header, "box", _box_size),
         region=_optional(header, "region", _region),
         calibration=read_calibration(path / CALIBRATION_FILE, names),
+        created_by=str(header.value.get("created_by", "")),
     )
 
 
@@ -148,6 +151,16 @@ def _sensor(entry: Checked, folder: Path) -> Sensor:
         depth_range_m=(nearest, farthest),
         frames=_frames(home / FRAMES_FILE),
         box_frames=_frames(box_list) if box_list.is_file() else (),
+        colour=None if entry.value.get("colour") is None else _colour(entry.object("colour"), home),
+    )
+
+
+def _colour(entry: Checked, home: Path) -> Colour:
+    list_file = home / COLOUR_FRAMES_FILE
+    return Colour(
+        camera=_optional(entry, "camera", _camera),
+        colour_from_depth=None if entry.value.get("colour_from_depth") is None else _rigid(entry, "colour_from_depth"),
+        frames=_frames(list_file) if list_file.is_file() else (),
     )
 
 

@@ -20,6 +20,7 @@ CALIBRATION_FILE = "calibration.json"
 TRUTH_FILE = "truth.npz"
 FRAMES_FILE = "frames.csv"
 BOX_FRAMES_FILE = "box.csv"
+COLOUR_FRAMES_FILE = "colour.csv"
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,15 @@ class FrameFile:
 
     path: Path
     time_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Colour:
+    """The colour camera beside a depth camera: intrinsics and (4, 4) pose relative to it (None: not known), images."""
+
+    camera: Camera | None = None
+    colour_from_depth: Floats | None = None
+    frames: tuple[FrameFile, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -40,6 +50,7 @@ class Sensor:
     depth_range_m: tuple[float, float] = (0.4, 4.0)
     frames: tuple[FrameFile, ...] = ()
     box_frames: tuple[FrameFile, ...] = ()
+    colour: Colour | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +79,14 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recording folder that has been checked: sensors, the calibration box (m), region, calibration."""
+    """A recording folder that has been checked: sensors, calibration box (m), region, calibration, who made it."""
 
     path: Path
     sensors: tuple[Sensor, ...]
     box_size_m: tuple[float, float, float] | None = None
     region: Region | None = None
     calibration: Calibration | None = None
+    created_by: str = ""
 
     @property
     def common_frame_is_sensor(self) -> bool:

@@ -13,12 +13,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import depth_png
+from capture import colour_image, depth_png
 from capture._recording_read import open_recording
 from capture._recording_types import (
     BOX_FRAMES_FILE,
     CALIBRATION_FILE,
     CALIBRATION_FORMAT,
+    COLOUR_FRAMES_FILE,
     FORMAT,
     FRAMES_FILE,
     HEADER_FILE,
@@ -26,6 +27,7 @@ from capture._recording_types import (
     UNFINISHED_FILE,
     VERSION,
     Calibration,
+    Colour,
     Region,
     Sensor,
 )
@@ -97,6 +99,20 @@ class RecordingWriter:
         """Add the next frame that shows the calibration box; as ``add_frame``."""
         self._add(sensor, depth, time_s, list_name=BOX_FRAMES_FILE, prefix="box-")
 
+    def add_colour(self, sensor: str, image: NDArray[np.uint8] | bytes, time_s: float) -> None:
+        """Add the next colour image of a sensor: (H, W, 3) in blue, green, red, or the bytes of a JPEG or PNG file.
+
+        Raises:
+            RecordingError: it is no such image, or time does not increase.
+        """
+        home = self.path / sensor
+        suffix, data = colour_image.encoded(image, where=home / COLOUR_FRAMES_FILE)
+        index = self._next_index(sensor, COLOUR_FRAMES_FILE, time_s)
+        file = f"colour-{index:06d}{suffix}"
+        with replaced_when_complete(home / file) as partial:
+            partial.write_bytes(data)
+        self._list(sensor, COLOUR_FRAMES_FILE, index, file, time_s)
+
     def set_box(self, size_m: tuple[float, float, float]) -> None:
         """Tell the size of the calibration box (m)."""
         self._header["box"] = {"size_m": [float(side) for side in size_m]}
@@ -112,14 +128,21 @@ class RecordingWriter:
 
     def _add(self, name: str, depth: NDArray[np.generic], time_s: float, *, list_name: str, prefix: str) -> None:
         sensor = self._sensors[name]
+        index = self._next_index(name, list_name, time_s)
+        readings = _readings(depth, sensor, where=self.path / name / list_name, index=index)
+        file = f"{prefix}{index:06d}.png"
+        depth_png.write_readings(self.path / name / file, readings)
+        self._list(name, list_name, index, file, time_s)
+
+    def _next_index(self, name: str, list_name: str, time_s: float) -> int:
         index, last = self._last_times.get((name, list_name), (0, -math.inf))
         if not (math.isfinite(time_s) and time_s > last):
             raise RecordingError(
                 f"frame {index}: time {time_s:g} s does not come after {last:g} s", where=self.path / name / list_name
             )
-        readings = _readings(depth, sensor, where=self.path / name / list_name, index=index)
-        file = f"{prefix}{index:06d}.png"
-        depth_png.write_readings(self.path / name / file, readings)
+        return index
+
+    def _list(self, name: str, list_name: str, index: int, file: str, time_s: float) -> None:
         with (self.path / name / list_name).open("a", encoding="utf-8") as frames:
             if index == 0 and frames.tell() == 0:
                 frames.write("file,time_s\n")
@@ -142,11 +165,19 @@ def write_calibration_file(path: Path, calibration: Calibration) -> None:
 
 
 def _sensor_entry(sensor: Sensor) -> dict[str, Any]:
-    return {
+    entry = {
         "name": sensor.name,
         "camera": asdict(sensor.camera),
         "depth_unit_m": sensor.depth_unit_m,
         "depth_range_m": list(sensor.depth_range_m),
+    }
+    return entry if sensor.colour is None else {**entry, "colour": _colour_entry(sensor.colour)}
+
+
+def _colour_entry(colour: Colour) -> dict[str, Any]:
+    return {
+        "camera": None if colour.camera is None else asdict(colour.camera),
+        "colour_from_depth": None if colour.colour_from_depth is None else colour.colour_from_depth.tolist(),
     }
 
 
@@ -189,7 +220,9 @@ def _make_room(path: Path, *, overwrite: bool) -> None:
         )
     header = header.replace(path / UNFINISHED_FILE)  # from here on it is not whole any more
     for name in _sensor_names(header):
-        for old in [*(path / name).glob("*.png"), path / name / FRAMES_FILE, path / name / BOX_FRAMES_FILE]:
+        images = [*(path / name).glob("*.png"), *(path / name).glob("colour-*.jpg")]
+        lists = [path / name / file for file in (FRAMES_FILE, BOX_FRAMES_FILE, COLOUR_FRAMES_FILE)]
+        for old in images + lists:
             old.unlink(missing_ok=True)
     for name in (HEADER_FILE, CALIBRATION_FILE, TRUTH_FILE):
         (path / name).unlink(missing_ok=True)

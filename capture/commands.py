@@ -12,8 +12,6 @@ from capture.console import stdout
 from capture.errors import RecordingError
 
 if TYPE_CHECKING:
-    from capture.camera import Camera
-    from capture.importers import Kind
     from capture.recording import Recording, Region
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -52,20 +50,25 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
     return Region(minimum, maximum)
 
 
+_FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "png", "raw")
+
+
 @click.command("import")
 @click.argument("source", type=_PATH)
 @click.option("--out", required=True, type=_PATH, help="The recording folder to make.")
 @click.option(
     "--format",
-    "kind",
-    type=click.Choice(["png", "raw"]),
+    "format_name",
+    type=click.Choice(_FORMAT_NAMES),
     default=None,
-    help="16-bit PNG images, or raw 16-bit little-endian readings [default: png if SOURCE has PNG images].",
+    help="What SOURCE is [default: found out by its content].",
 )
 @click.option("--pattern", default=None, help="Which files of a folder, such as 'depth-*' [default: *.png, or *].")
 @click.option("--width", type=click.IntRange(1, 16384), default=640, show_default=True, help="Columns of a raw image.")
 @click.option("--height", type=click.IntRange(1, 16384), default=480, show_default=True, help="Rows of a raw image.")
-@click.option("--fx", type=click.FloatRange(0, min_open=True), required=True, help="Focal length (px).")
+@click.option(
+    "--fx", type=click.FloatRange(0, min_open=True), default=None, help="Focal length (px) [default: the file's]."
+)
 @click.option(
     "--fy", type=click.FloatRange(0, min_open=True), default=None, help="The same down the image [default: fx]."
 )
@@ -75,62 +78,65 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
 @click.option(
     "--unit-mm",
     type=click.FloatRange(0, min_open=True),
-    default=1.0,
-    show_default=True,
-    help="One reading's unit (mm).",
+    default=None,
+    help="One reading's unit (mm) [default: the file's, or 1].",
 )
 @click.option(
-    "--fps", type=click.FloatRange(0, min_open=True), default=30.0, show_default=True, help="Nominal frame rate (Hz)."
+    "--fps",
+    type=click.FloatRange(0, min_open=True),
+    default=None,
+    help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
 )
 @click.option("--sensor", default="sensor", show_default=True, help="The sensor's name.")
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
 def import_command(
     source: Path,
     out: Path,
-    kind: Kind | None,
+    format_name: str | None,
     pattern: str | None,
     width: int,
     height: int,
-    fx: float,
+    fx: float | None,
     fy: float | None,
     cx: float | None,
     cy: float | None,
     distortion: str,
-    unit_mm: float,
-    fps: float,
+    unit_mm: float | None,
+    fps: float | None,
     sensor: str,
     overwrite: bool,
 ) -> None:
-    """Make a recording of SOURCE: depth images of one sensor, a file or a folder of them."""
-    from capture.camera import Camera
-    from capture.depth_png import image_size
-    from capture.importers import import_images, natural_order, source_files
+    """Make a recording of SOURCE, a sensor's file or folder.
 
-    if kind is None:
-        kind = "png" if source.suffix.lower() == ".png" or any(source.glob("*.png")) else "raw"
-    files = natural_order(source_files(source, pattern or ("*.png" if kind == "png" else "*")))
-    if kind == "png":
-        width, height = image_size(files[0])
-    camera = Camera(
-        width=width,
-        height=height,
+    Reads what Azure Kinect (.mkv) and RealSense (.bag, .db3) record, and depth images that tell nothing of their
+    camera (16-bit PNG, raw 16-bit little-endian dumps), for which --fx is needed.
+    """
+    from capture.importers import Stated, import_recording
+
+    if fx is None and (fy is not None or cx is not None or cy is not None or distortion):
+        raise click.BadParameter("is needed where another part of the camera is stated", param_hint="--fx")
+    stated = Stated(
         fx=fx,
-        fy=fx if fy is None else fy,
-        cx=(width - 1) / 2.0 if cx is None else cx,
-        cy=(height - 1) / 2.0 if cy is None else cy,
+        fy=fy,
+        cx=cx,
+        cy=cy,
         distortion=_distortion(distortion),
-    )
-    recording = import_images(
-        files,
-        out,
-        kind=kind,
-        camera=camera,
-        depth_unit_m=unit_mm / 1000.0,
+        size=(width, height),
+        depth_unit_m=None if unit_mm is None else unit_mm / 1000.0,
         fps=fps,
-        sensor_name=sensor,
-        overwrite=overwrite,
+        pattern=pattern,
     )
-    _print_imported(recording, camera, fps)
+    with stdout.status("importing") as status:
+        recording = import_recording(
+            source,
+            out,
+            stated=stated,
+            format_name=format_name,
+            sensor_name=sensor,
+            overwrite=overwrite,
+            progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
+        )
+    _print_imported(recording)
 
 
 def _distortion(text: str) -> tuple[float, ...]:
@@ -145,14 +151,17 @@ def _distortion(text: str) -> tuple[float, ...]:
     return values
 
 
-def _print_imported(recording: Recording, camera: Camera, fps: float) -> None:
-    (sensor,) = recording.sensors
-    stdout.print(
-        f"{recording.path}: {len(sensor.frames)} frames of {camera.width} x {camera.height} px, "
-        f"unit {sensor.depth_unit_m * 1000:g} mm, times by a nominal rate of {fps:g} Hz",
-        highlight=False,
-        soft_wrap=True,
-    )
+def _print_imported(recording: Recording) -> None:
+    for sensor in recording.sensors:
+        camera = sensor.camera
+        colour = "" if sensor.colour is None else f", {len(sensor.colour.frames)} colour images"
+        stdout.print(
+            f"{recording.path}: {len(sensor.frames)} frames of {camera.width} x {camera.height} px, "
+            f"unit {sensor.depth_unit_m * 1000:g} mm, fx {camera.fx:.1f} px{colour}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    stdout.print(recording.created_by, highlight=False, soft_wrap=True)
 
 
 @click.command("calibrate")

@@ -23,6 +23,15 @@ Readings = NDArray[np.uint16]
 LARGEST_SIDE = 16384
 """No depth sensor has more rows or columns than this."""
 
+LARGEST_PIXELS = 2**25
+"""No sensor has more pixels than this; what claims to is refused before memory is reserved for it."""
+
+_LARGEST_RATIO = 1032
+"""Deflate cannot shrink anything further than this (RFC 1951: 258 bytes in 2 bits)."""
+
+_LARGEST_OVERHEAD = 2**20
+"""Text and other chunks beside the image take no more bytes than this."""
+
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY = 0
 _DAMAGED = "record or copy it again, or remove it from the list of frames"
@@ -43,18 +52,26 @@ def read_readings(path: Path, *, width: int, height: int) -> Readings:
     Raises:
         RecordingError: missing, truncated, damaged, not 16-bit grey, or not of the size asked for.
     """
-    data = _bytes(path)
-    claimed = _claimed_size(data, path)
+    claimed = _claimed_size(_bytes(path, 33), path)
     if claimed != (width, height):
-        raise RecordingError(
-            f"is {claimed[0]} x {claimed[1]} px, but the camera has {width} x {height}",
-            where=path,
-            remedy="give the camera of this very image size",
-        )
-    _check_chunks(data, path)
+        raise _other_size(claimed, (width, height), path)
+    return decode(_bytes(path, _LARGEST_OVERHEAD + 4 * width * height), width=width, height=height, where=path)
+
+
+def decode(data: bytes, *, width: int, height: int, where: Path) -> Readings:
+    """The readings (height, width) of an image in memory; ``where`` names it in errors.
+
+    Raises:
+        RecordingError: as ``read_readings``.
+    """
+    claimed = _claimed_size(data, where)
+    if claimed != (width, height):
+        raise _other_size(claimed, (width, height), where)
+    if _check_chunks(data, where) * _LARGEST_RATIO < 2 * width * height:
+        raise RecordingError("is damaged (too short for the size it claims)", where=where, remedy=_DAMAGED)
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.shape != (height, width):
-        raise RecordingError("cannot be decoded as a 16-bit grey PNG", where=path, remedy=_DAMAGED)
+        raise RecordingError("cannot be decoded as a 16-bit grey PNG", where=where, remedy=_DAMAGED)
     return np.asarray(image)
 
 
@@ -65,6 +82,14 @@ def write_readings(path: Path, readings: Readings) -> None:
         raise RecordingError("could not be encoded as PNG", where=path)
     with replaced_when_complete(path) as partial:
         partial.write_bytes(encoded.tobytes())
+
+
+def _other_size(claimed: tuple[int, int], wanted: tuple[int, int], path: Path) -> RecordingError:
+    return RecordingError(
+        f"is {claimed[0]} x {claimed[1]} px, but the camera has {wanted[0]} x {wanted[1]}",
+        where=path,
+        remedy="give the camera of this very image size",
+    )
 
 
 def _bytes(path: Path, count: int = -1) -> bytes:
@@ -84,7 +109,7 @@ def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:
     if len(data) < 33 or data[12:16] != b"IHDR":
         raise RecordingError("is truncated or damaged (its header is not whole)", where=path, remedy=_DAMAGED)
     width, height, bits, colour = struct.unpack(">IIBB", data[16:26])
-    if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE):
+    if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE and width * height <= LARGEST_PIXELS):
         raise RecordingError(f"claims an impossible size of {width} x {height} px", where=path, remedy=_DAMAGED)
     if bits != 16 or colour != _GREY:
         kind = "grey" if colour == _GREY else "colour"
@@ -94,9 +119,9 @@ def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _check_chunks(data: bytes, path: Path) -> None:
-    """Walk the chunks (length, type, content, CRC) up to IEND."""
-    at = len(_SIGNATURE)
+def _check_chunks(data: bytes, path: Path) -> int:
+    """Walk the chunks (length, type, content, CRC) up to IEND; the bytes of image data in them."""
+    at, content = len(_SIGNATURE), 0
     while True:
         if at + 12 > len(data):
             raise RecordingError("is truncated: the image's end is missing", where=path, remedy=_DAMAGED)
@@ -107,5 +132,6 @@ def _check_chunks(data: bytes, path: Path) -> None:
         if zlib.crc32(data[at + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
             raise RecordingError("is damaged (a checksum does not match)", where=path, remedy=_DAMAGED)
         if data[at + 4 : at + 8] == b"IEND":
-            return
+            return content
+        content += length if data[at + 4 : at + 8] == b"IDAT" else 0
         at = end

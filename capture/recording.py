@@ -11,6 +11,7 @@ import numpy as np
 from capture._recording_read import open_recording, read_depth
 from capture._recording_types import (
     Calibration,
+    Colour,
     FrameFile,
     Instant,
     Recording,
@@ -24,6 +25,7 @@ from capture.rigid import Floats
 
 __all__ = [
     "Calibration",
+    "Colour",
     "FrameFile",
     "Instant",
     "Recording",

@@ -38,8 +38,11 @@ def test_import_reads_one_raw_file(tmp_path):
 
 
 def test_import_refuses_wrong_options(tmp_path):
-    assert run(import_command, tmp_path, "--out", tmp_path / "rec").exit_code == 2
     (tmp_path / "a.raw").write_bytes(bytes(10))
+    assert run(import_command, tmp_path / "a.raw").exit_code == 2
+    assert run(import_command, tmp_path / "a.raw", "--out", tmp_path / "rec", "--cx", 10).exit_code == 2
+    with pytest.raises(RecordingError, match="--fx"):
+        run(import_command, tmp_path / "a.raw", "--out", tmp_path / "rec")
     options = ("--out", tmp_path / "rec", "--fx", 500)
     assert run(import_command, tmp_path / "a.raw", *options, "--distortion", "1,2,3").exit_code == 2
     assert run(import_command, tmp_path / "a.raw", *options, "--distortion", "a,b,c,d").exit_code == 2

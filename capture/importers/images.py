@@ -1,4 +1,4 @@
-"""Recordings of other programs, brought into this program's format: folders of PNG images, raw 16-bit dumps.
+"""Depth images without a description: folders of PNG images, raw 16-bit dumps.
 
 Neither tells when a frame was taken or what the camera was, so both are asked for; a nominal rate stands for times
 that nobody knows.
@@ -17,16 +17,14 @@ from numpy.typing import NDArray
 from capture import depth_png
 from capture.camera import Camera
 from capture.errors import RecordingError
+from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Source, Stated, check_size
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
 Kind = Literal["png", "raw"]
 """What the files hold; see ``import_images``."""
 
-NOMINAL_FPS = 30.0
-"""The rate assumed when nobody knows when the frames were taken (Hz)."""
-
-DEPTH_RANGE_M = (0.2, 4.0)
-"""Readings of imported recordings are trusted in this range."""
+RAW_SIZE = (640, 480)
+"""Columns and rows of a raw image unless stated otherwise."""
 
 _BYTES_PER_READING = 2
 
@@ -52,12 +50,50 @@ def import_images(
         RecordingError: a file that is not what its kind says, or not of the camera's size, or ``out`` is in use.
     """
     sensor = Sensor(sensor_name, camera, depth_unit_m, depth_range_m)
-    created_by = f"bonetrack import of {files[0].parent.name}, times by a nominal rate of {fps:g} Hz"
-    images = (image for file in files for image in _READERS[kind](file, camera))
+    created_by = f"bonetrack import of {files[0].parent.name}, times by {_rate(fps)}"
     with RecordingWriter(out, sensors=[sensor], created_by=created_by, overwrite=overwrite) as writer:
-        for index, image in enumerate(images):
-            writer.add_frame(sensor.name, image, index / fps)
+        for frame in _frames(files, kind, camera, fps):
+            writer.add_frame(sensor.name, frame.readings, frame.time_s)
     return open_recording(out)
+
+
+def open_png(source: Path, stated: Stated) -> Source:
+    """A PNG image, or a folder of them.
+
+    Raises:
+        RecordingError: there is none, the first is no 16-bit grey PNG, or no focal length is stated.
+    """
+    files = natural_order(source_files(source, stated.pattern or "*.png"))
+    width, height = depth_png.image_size(files[0])
+    return _source(files, "png", stated.camera(width, height, own=None, where=source), stated)
+
+
+def open_raw(source: Path, stated: Stated) -> Source:
+    """A raw dump, or a folder of them.
+
+    Raises:
+        RecordingError: there is none, or no focal length is stated.
+    """
+    files = natural_order(source_files(source, stated.pattern or "*"))
+    width, height = stated.size or RAW_SIZE
+    check_size(width, height, where=source)
+    return _source(files, "raw", stated.camera(width, height, own=None, where=source), stated)
+
+
+def _source(files: Sequence[Path], kind: Kind, camera: Camera, stated: Stated) -> Source:
+    fps = stated.fps or NOMINAL_FPS
+    sensor = Sensor("sensor", camera, stated.unit(None), DEPTH_RANGE_M)
+    return Source(sensor, _frames(files, kind, camera, fps), times=_rate(fps), count=len(files))
+
+
+def _rate(fps: float) -> str:
+    return f"a nominal rate of {fps:g} Hz"
+
+
+def _frames(files: Sequence[Path], kind: Kind, camera: Camera, fps: float) -> Iterator[DepthFrame]:
+    images = (image for file in files for image in _READERS[kind](file, camera))
+    for index, image in enumerate(images):
+        yield DepthFrame(index / fps, image)
 
 
 def source_files(source: Path, pattern: str) -> list[Path]:

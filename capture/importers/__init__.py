@@ -1,0 +1,20 @@
+"""Recordings of other programs, brought into this program's format: one module for each kind of file."""
+
+from capture.importers.formats import FORMATS, open_source
+from capture.importers.images import Kind, import_images, natural_order, source_files
+from capture.importers.run import import_recording
+from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
+
+__all__ = [
+    "FORMATS",
+    "ColourFrame",
+    "DepthFrame",
+    "Kind",
+    "Source",
+    "Stated",
+    "import_images",
+    "import_recording",
+    "natural_order",
+    "open_source",
+    "source_files",
+]

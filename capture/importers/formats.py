@@ -1,0 +1,94 @@
+"""Which reader reads what: recognised by content first, since suffixes lie, and by what a folder holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from capture.errors import RecordingError
+from capture.importers import azure_kinect, images, realsense_bag, realsense_db3
+from capture.importers.source import Source, Stated
+
+_HEAD_BYTES = 64
+
+
+@dataclass(frozen=True)
+class Format:
+    """One kind of file or folder.
+
+    Attributes:
+        name: what ``--format`` calls it.
+        open: its reader.
+        head: the first bytes of such a file (empty: not recognised by content).
+        suffixes: what such files are usually called.
+        is_folder: whether a folder is one.
+    """
+
+    name: str
+    open: Callable[[Path, Stated], Source]
+    head: bytes = b""
+    suffixes: tuple[str, ...] = ()
+    is_folder: Callable[[Path], bool] = lambda _: False
+
+
+FORMATS = (
+    Format("azure-kinect", azure_kinect.open_mkv, head=b"\x1a\x45\xdf\xa3", suffixes=(".mkv",)),
+    Format("realsense-bag", realsense_bag.open_bag, head=b"#ROSBAG V", suffixes=(".bag",)),
+    Format("realsense-db3", realsense_db3.open_db3, head=b"SQLite format 3\0", suffixes=(".db3",)),
+    Format(
+        "png",
+        images.open_png,
+        head=b"\x89PNG\r\n\x1a\n",
+        suffixes=(".png",),
+        is_folder=lambda folder: any(folder.glob("*.png")),
+    ),
+    Format("raw", images.open_raw, is_folder=lambda folder: any(folder.iterdir())),
+)
+"""In the order of trying; ``raw`` is whatever nothing else is."""
+
+
+def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Source:
+    """Open a sensor's file or folder with the reader of its format; ``name`` states the format.
+
+    Raises:
+        RecordingError: not there, empty, not what the format asks for, or too little is known of the camera.
+    """
+    if not path.exists():
+        raise RecordingError("does not exist", where=path, remedy="name a sensor's file, or a folder of depth images")
+    if path.is_file() and path.stat().st_size == 0:
+        raise RecordingError("is an empty file", where=path, remedy="record or copy it again")
+    chosen = recognised(path) if name is None else next(format for format in FORMATS if format.name == name)
+    if path.is_dir() and chosen.head and chosen.name != "png":
+        raise RecordingError("is a folder", where=path, remedy=f"name the {chosen.suffixes[0]} file in it")
+    return chosen.open(path, stated)
+
+
+def recognised(path: Path) -> Format:
+    """The format of a file or folder that exists.
+
+    Raises:
+        RecordingError: an empty folder, or a file whose content is not what its suffix says.
+    """
+    if path.is_dir():
+        found = next((format for format in FORMATS if format.is_folder(path)), None)
+        if found is None:
+            raise RecordingError("is an empty folder", where=path, remedy="name the folder of the depth images")
+        return found
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror})"
+        raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
+    for format in FORMATS:
+        if format.head and head.startswith(format.head):
+            return format
+    named = next((format for format in FORMATS if path.suffix.lower() in format.suffixes), None)
+    if named is not None:
+        raise RecordingError(
+            f"is not what its name says: it does not begin as a {path.suffix} file does",
+            where=path,
+            remedy="record or copy it again, or state its format with --format",
+        )
+    return FORMATS[-1]
