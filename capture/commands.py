@@ -50,7 +50,7 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
     return Region(minimum, maximum)
 
 
-_FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "png", "raw")
+_FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tum", "redwood", "clouds", "png", "raw")
 
 
 @click.command("import")
@@ -108,8 +108,9 @@ def import_command(
 ) -> None:
     """Make a recording of SOURCE, a sensor's file or folder.
 
-    Reads what Azure Kinect (.mkv) and RealSense (.bag, .db3) record, and depth images that tell nothing of their
-    camera (16-bit PNG, raw 16-bit little-endian dumps), for which --fx is needed.
+    Reads what Azure Kinect (.mkv), RealSense (.bag, .db3) and OpenNI (.oni) record; folders laid out like TUM's and
+    Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG, raw
+    16-bit little-endian dumps), for which --fx is needed.
     """
     from capture.importers import Stated, import_recording
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.errors import RecordingError
-from capture.importers import azure_kinect, images, realsense_bag, realsense_db3
+from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3
 from capture.importers.source import Source, Stated
 
 _HEAD_BYTES = 64
@@ -22,20 +22,34 @@ class Format:
         open: its reader.
         head: the first bytes of such a file (empty: not recognised by content).
         suffixes: what such files are usually called.
-        is_folder: whether a folder is one.
+        is_folder: whether a folder is one (None: only files are).
     """
 
     name: str
     open: Callable[[Path, Stated], Source]
     head: bytes = b""
     suffixes: tuple[str, ...] = ()
-    is_folder: Callable[[Path], bool] = lambda _: False
+    is_folder: Callable[[Path], bool] | None = None
+
+    @property
+    def files(self) -> bool:
+        """Whether single files are of this format."""
+        return bool(self.suffixes) or self.name == "raw"
+
+    @property
+    def folders(self) -> bool:
+        """Whether folders are of this format."""
+        return self.is_folder is not None
 
 
 FORMATS = (
     Format("azure-kinect", azure_kinect.open_mkv, head=b"\x1a\x45\xdf\xa3", suffixes=(".mkv",)),
     Format("realsense-bag", realsense_bag.open_bag, head=b"#ROSBAG V", suffixes=(".bag",)),
     Format("realsense-db3", realsense_db3.open_db3, head=b"SQLite format 3\0", suffixes=(".db3",)),
+    Format("openni", openni.open_oni, head=b"NI10", suffixes=(".oni",)),
+    Format("tum", datasets.open_tum, is_folder=datasets.is_tum),
+    Format("redwood", datasets.open_redwood, is_folder=datasets.is_redwood),
+    Format("clouds", clouds.open_clouds, suffixes=(".ply", ".pcd"), is_folder=clouds.is_clouds),
     Format(
         "png",
         images.open_png,
@@ -59,8 +73,10 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError("is an empty file", where=path, remedy="record or copy it again")
     chosen = recognised(path) if name is None else next(format for format in FORMATS if format.name == name)
-    if path.is_dir() and chosen.head and chosen.name != "png":
+    if path.is_dir() and not chosen.folders:
         raise RecordingError("is a folder", where=path, remedy=f"name the {chosen.suffixes[0]} file in it")
+    if path.is_file() and not chosen.files:
+        raise RecordingError("is a file", where=path, remedy=f"a recording laid out like {chosen.name} is a folder")
     return chosen.open(path, stated)
 
 
@@ -71,7 +87,7 @@ def recognised(path: Path) -> Format:
         RecordingError: an empty folder, or a file whose content is not what its suffix says.
     """
     if path.is_dir():
-        found = next((format for format in FORMATS if format.is_folder(path)), None)
+        found = next((format for format in FORMATS if format.is_folder and format.is_folder(path)), None)
         if found is None:
             raise RecordingError("is an empty folder", where=path, remedy="name the folder of the depth images")
         return found
@@ -84,6 +100,8 @@ def recognised(path: Path) -> Format:
     for format in FORMATS:
         if format.head and head.startswith(format.head):
             return format
+    if path.suffix.lower() == ".pcd" or head.startswith(b"ply"):
+        return next(format for format in FORMATS if format.name == "clouds")
     named = next((format for format in FORMATS if path.suffix.lower() in format.suffixes), None)
     if named is not None:
         raise RecordingError(

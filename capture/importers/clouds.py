@@ -1,0 +1,117 @@
+"""Point clouds of a depth sensor (``.pcd``, ``.ply``), made depth images again; metres, x right, y down, z forward.
+
+The points of an organised cloud stand in the order of the pixels, so its camera can be told from it: u z = fx x + cx z
+and v z = fy y + cy z for all of them. Other clouds are projected by a stated camera; where several points fall into
+one pixel, the nearest counts.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.camera import Camera, project
+from capture.errors import RecordingError
+from capture.importers.cloud_files import Points, read_points
+from capture.importers.images import RAW_SIZE, natural_order, source_files
+from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Frames, Source, Stated, check_size
+from capture.recording import Sensor
+from capture.rigid import Floats
+
+_READING_M = 0.0001
+"""Depth is written in tenths of a millimetre: up to 6.5 m."""
+
+_LARGEST_READING = 65535
+_LARGEST_MISFIT_PX = 1.0
+_FEWEST_POINTS = 100
+
+
+def is_clouds(folder: Path) -> bool:
+    """Whether a folder holds clouds."""
+    return any(folder.glob("*.pcd")) or any(folder.glob("*.ply"))
+
+
+def open_clouds(source: Path, stated: Stated) -> Source:
+    """A cloud, or a folder of them in the order of the numbers in their names.
+
+    Raises:
+        RecordingError: there is none; the first is damaged, or not in front of the sensor; no camera can be told from
+            it and none is stated.
+    """
+    pattern = stated.pattern or ("*.pcd" if source.is_dir() and any(source.glob("*.pcd")) else "*.ply")
+    files = natural_order(source_files(source, pattern))
+    metre = 1.0 if stated.depth_unit_m is None else stated.depth_unit_m
+    first = read_points(files[0])
+    width, height = first.size or stated.size or RAW_SIZE
+    check_size(width, height, where=files[0])
+    own = None if first.size is None or stated.fx is not None else _fitted(first.xyz * metre, first.size, files[0])
+    camera = stated.camera(width, height, own=own, where=source)
+    fps = stated.fps or NOMINAL_FPS
+    sensor = Sensor("sensor", camera, _READING_M, DEPTH_RANGE_M)
+    frames = _frames(files, first.size, camera, metre, fps)
+    return Source(sensor, frames, times=f"a nominal rate of {fps:g} Hz", count=len(files))
+
+
+def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, metre: float, fps: float) -> Frames:
+    for index, file in enumerate(files):
+        points = read_points(file)
+        if points.size != size:
+            raise RecordingError(f"is organised as {points.size}, the first cloud as {size}", where=file)
+        depth = _depth(points, camera, metre)
+        if not depth.any():
+            raise RecordingError(
+                "has no points in front of the camera",
+                where=file,
+                remedy="points must be in metres (or state --unit-mm), x right, y down, z forward",
+            )
+        yield DepthFrame(index / fps, depth)
+
+
+def _depth(points: Points, camera: Camera, metre: float) -> NDArray[np.uint16]:
+    """The readings (H, W) that a cloud makes."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        xyz = points.xyz * metre
+        reading = np.rint(xyz[:, 2] / _READING_M)
+        seen = np.isfinite(xyz).all(axis=1) & (reading > 0) & (reading <= _LARGEST_READING)
+    image = np.full(camera.width * camera.height, _LARGEST_READING + 1, dtype=np.int64)
+    if points.size is not None:
+        image[np.flatnonzero(seen)] = reading[seen].astype(np.int64)
+    else:
+        pixels, _ = project(camera, xyz[seen])
+        with np.errstate(invalid="ignore"):
+            u, v = np.rint(pixels).T
+            inside = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+        at = (v[inside] * camera.width + u[inside]).astype(np.int64)
+        np.minimum.at(image, at, reading[seen][inside].astype(np.int64))
+    image[image > _LARGEST_READING] = 0
+    return image.reshape(camera.height, camera.width).astype(np.uint16)
+
+
+def _fitted(xyz: Floats, size: tuple[int, int], file: Path) -> Camera:
+    """The pinhole camera whose pixels the points (N, 3) of an organised cloud fall on, least squares.
+
+    Raises:
+        RecordingError: too few points, or they fall on no pinhole camera's pixels.
+    """
+    width, height = size
+    with np.errstate(invalid="ignore"):
+        seen = np.flatnonzero(np.isfinite(xyz).all(axis=1) & (xyz[:, 2] > 0.0))
+    problem = f"has {len(seen)} points in front of the sensor, too few to tell its camera"
+    if len(seen) >= _FEWEST_POINTS:
+        slopes = xyz[seen, :2] / xyz[seen, 2:]
+        v, u = np.divmod(seen.astype(np.float64), width)
+        (fx, cx), off_u = _line(slopes[:, 0], u)
+        (fy, cy), off_v = _line(slopes[:, 1], v)
+        problem = f"is organised, but its points are off any camera's pixels by {max(off_u, off_v):.1f} px"
+        if fx > 0.0 and fy > 0.0 and max(off_u, off_v) <= _LARGEST_MISFIT_PX:
+            return Camera(width, height, fx, fy, cx, cy)
+    raise RecordingError(problem, where=file, remedy="state the camera with --fx (px); x right, y down, z forward")
+
+
+def _line(slope: Floats, pixel: Floats) -> tuple[tuple[float, float], float]:
+    """Focal length and principal point along one axis, and the largest misfit (px)."""
+    design = np.stack([slope, np.ones_like(slope)], axis=-1)
+    found = np.linalg.lstsq(design, pixel, rcond=None)[0]
+    return (float(found[0]), float(found[1])), float(np.abs(design @ found - pixel).max())

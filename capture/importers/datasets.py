@@ -1,0 +1,175 @@
+"""Folders laid out as two well-known data sets are: TUM's RGB-D benchmark, and Redwood's (Open3D's) scans.
+
+TUM: ``depth.txt`` and ``rgb.txt`` list images with their times; a reading is 1/5000 m; depth lies over colour; the
+camera stands on the data set's page, not in the folder, so it is asked for.
+Redwood: folders ``depth`` and ``color`` (or ``image``, ``rgb``) of images in the same order; Open3D's JSON of a pinhole
+camera beside them, with ``depth_scale`` readings a metre (1000 if it does not say) and ``fps``; the names may carry
+microseconds (``000012-000000400407.png``).
+Sources: the benchmark's page on file formats; Open3D's ``PinholeCameraIntrinsic`` and ``RGBDVideoMetadata``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from capture import depth_png
+from capture._checked_json import Checked
+from capture.camera import Camera
+from capture.errors import RecordingError
+from capture.importers.images import natural_order, source_files
+from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, ColourFrame, DepthFrame, Frames, Source, Stated
+from capture.recording import Colour, Sensor
+
+_TUM_UNIT_M = 1.0 / 5000.0
+_CAMERA_FILES = ("intrinsic.json", "camera_intrinsic.json", "intrinsics.json", "camera_primesense.json", "camera.json")
+_COLOUR_FOLDERS = ("color", "image", "rgb", "colour")
+_NAME_WITH_TIME = re.compile(r"\d+-(\d{9,})")
+_LARGEST_TEXT = 2**24
+_LARGEST_COLOUR = 2**26
+
+Timed = list[tuple[Path, float]]
+
+
+def is_tum(folder: Path) -> bool:
+    """Whether a folder lists its depth images as TUM's benchmark does."""
+    return (folder / "depth.txt").is_file()
+
+
+def is_redwood(folder: Path) -> bool:
+    """Whether a folder has depth images in a folder of their own."""
+    return (folder / "depth").is_dir()
+
+
+def open_tum(folder: Path, stated: Stated) -> Source:
+    """A sequence of TUM's RGB-D benchmark, or of a data set in its layout.
+
+    Raises:
+        RecordingError: a list or an image is missing or wrong, or no focal length is stated.
+    """
+    depth = _listed(folder, "depth.txt")
+    colour = _listed(folder, "rgb.txt") if (folder / "rgb.txt").is_file() else []
+    unit_m = _TUM_UNIT_M if stated.depth_unit_m is None else stated.depth_unit_m
+    return _source(folder, stated, depth, colour, own=None, unit_m=unit_m, times="the file")
+
+
+def open_redwood(folder: Path, stated: Stated) -> Source:
+    """A scan in Redwood's layout, or one that Open3D's recorder was made to write.
+
+    Raises:
+        RecordingError: images are missing or wrong, or there is neither a camera in the folder nor a stated one.
+    """
+    files = natural_order(source_files(folder / "depth", stated.pattern or "*.png"))
+    camera_file = next((folder / name for name in _CAMERA_FILES if (folder / name).is_file()), None)
+    told = None if camera_file is None else _json(camera_file)
+    own = None if told is None else _pinhole(told)
+    scale = 1000.0 if told is None or "depth_scale" not in told.value else told.number("depth_scale", above=0.0)
+    if told is not None and not 1.0 <= scale <= 1e6:
+        raise told.fail(f"depth_scale is {scale:g}; it must be readings a metre")
+    fps = stated.fps
+    if fps is None and told is not None and "fps" in told.value:
+        fps = told.number("fps", above=0.0)
+    depth, times = _timed(files, fps or NOMINAL_FPS)
+    home = next((folder / name for name in _COLOUR_FOLDERS if (folder / name).is_dir()), None)
+    pictures = [] if home is None else [*home.glob("*.png"), *home.glob("*.jpg")]
+    colour, _ = _timed(natural_order(pictures), fps or NOMINAL_FPS)
+    return _source(folder, stated, depth, colour, own=own, unit_m=stated.unit(1.0 / scale), times=times)
+
+
+def _source(
+    folder: Path, stated: Stated, depth: Timed, colour: Timed, *, own: Camera | None, unit_m: float, times: str
+) -> Source:
+    width, height = depth_png.image_size(depth[0][0])
+    if own is not None and (own.width, own.height) != (width, height):
+        raise RecordingError(
+            f"has depth of {width} x {height} px, but its camera has {own.width} x {own.height}", where=folder
+        )
+    camera = stated.camera(width, height, own=own, where=folder)
+    beside = Colour(camera, np.eye(4)) if colour else None  # both layouts lay depth over colour
+    sensor = Sensor("sensor", camera, unit_m, DEPTH_RANGE_M, colour=beside)
+    return Source(sensor, _frames(depth, colour, camera), times=times, count=len(depth))
+
+
+def _frames(depth: Timed, colour: Timed, camera: Camera) -> Frames:
+    for file, time_s in depth:
+        yield DepthFrame(time_s, depth_png.read_readings(file, width=camera.width, height=camera.height))
+    for file, time_s in colour:
+        yield ColourFrame(time_s, _read(file, _LARGEST_COLOUR))
+
+
+def _timed(files: list[Path], fps: float) -> tuple[Timed, str]:
+    """Files with their times (s): from all their names, or else by a nominal rate; and which it was."""
+    found = [_NAME_WITH_TIME.fullmatch(file.stem) for file in files]
+    named = [int(match[1]) * 1e-6 for match in found if match]
+    if files and len(named) == len(files):
+        return list(zip(files, named, strict=True)), "the file names"
+    return [(file, index / fps) for index, file in enumerate(files)], f"a nominal rate of {fps:g} Hz"
+
+
+def _listed(folder: Path, name: str) -> Timed:
+    """The images that a list names: lines of a time (s) and a file inside the folder; # begins a comment."""
+    try:
+        text = _read(folder / name, _LARGEST_TEXT).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise RecordingError("is not a list of images (it is not text)", where=folder / name) from error
+    listed = [_line(folder, name, number, line) for number, line in _lines(text)]
+    if not listed:
+        raise RecordingError("lists no images", where=folder / name, remedy="each line must be 'time file'")
+    return listed
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield number, line
+
+
+def _line(folder: Path, name: str, number: int, line: str) -> tuple[Path, float]:
+    parts = line.split()
+    try:
+        time_s, relative = float(parts[0]), PurePosixPath(parts[1])
+    except (ValueError, IndexError):
+        time_s, relative = math.nan, PurePosixPath()
+    inside = not relative.is_absolute() and ".." not in relative.parts and "\0" not in line
+    if len(parts) != 2 or not math.isfinite(time_s) or not inside:
+        raise RecordingError(f"line {number}: expected a time (s) and a file in this folder", where=folder / name)
+    if not (folder / relative).is_file():
+        raise RecordingError(f"line {number}: image {relative} is missing", where=folder / name)
+    return folder / relative, time_s
+
+
+def _read(file: Path, largest: int) -> bytes:
+    try:
+        with file.open("rb") as opened:
+            data = opened.read(largest + 1)
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror})"
+        raise RecordingError(problem, where=file, remedy="check the file and its permissions") from error
+    if len(data) > largest:
+        raise RecordingError(f"is larger than {largest} bytes", where=file)
+    return data
+
+
+def _json(file: Path) -> Checked:
+    try:
+        value = json.loads(_read(file, _LARGEST_TEXT))
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"is not valid JSON ({error})", where=file, remedy="state the camera with --fx") from error
+    if not isinstance(value, dict):
+        raise RecordingError("is not a JSON object", where=file, remedy="state the camera with --fx")
+    return Checked(value, file)
+
+
+def _pinhole(told: Checked) -> Camera:
+    """Open3D's pinhole camera; the matrix stands column by column."""
+    fx, *zeros, cx, cy, one = told.numbers("intrinsic_matrix", count=9)
+    fy = zeros.pop(3)
+    if fx <= 0.0 or fy <= 0.0 or any(zeros) or one != 1.0:
+        raise told.fail("'intrinsic_matrix' is not that of a pinhole camera, column by column")
+    width, height = (told.whole(key, low=1, high=depth_png.LARGEST_SIDE) for key in ("width", "height"))
+    return Camera(width, height, fx, fy, cx, cy)
