@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.background import background_planes, without_planes
 from capture.camera import Camera, ray_slopes
 from capture.errors import CloudError
 from capture.files import replaced_when_complete
@@ -26,7 +27,7 @@ SPACING_M = 0.0075
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one sensor saw: its cleaned depth image (H, W) (m, 0 = none) and where it stands (4, 4)."""
+    """What one sensor saw but for floor and walls: its depth image (H, W) (m, 0 = none), where it stands (4, 4)."""
 
     sensor: str
     camera: Camera
@@ -58,7 +59,8 @@ def fuse(
 ) -> Cloud:
     """The point cloud of one instant, about one point per ``spacing_m`` and sensor.
 
-    Only what is inside the region counts: the given one, else the recording's, else an automatic one.
+    Only what is inside the region counts: the given one, else the recording's, else an automatic one. Floor and walls
+    do not.
 
     Raises:
         RecordingError: an image cannot be read.
@@ -134,6 +136,7 @@ def write_ply(cloud: Cloud, path: Path) -> None:
 def _view(recording: Recording, instant: Instant, name: str) -> View:
     sensor = recording.sensor(name)
     depth = clean_depth(read_depth(sensor, instant.frames[name]), sensor.camera)
+    depth = without_planes(depth, sensor.camera, background_planes(recording)[name])
     return View(name, sensor.camera, world_from_sensor(recording, name), depth)
 
 

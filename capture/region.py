@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from capture.background import large_planes, some_of, without_planes
 from capture.camera import Camera, backproject
 from capture.errors import CloudError
 from capture.preprocess import Image, clean_depth, jump_mask, pixel_area
@@ -27,12 +27,6 @@ _LARGE_PATCH_M2 = 0.005  # a fist covers about this much
 _MAIN_PATCH_SHARE = 0.25  # of the largest patch's area: the nearest patch of at least this is the person
 _REACH_M = 0.25  # patches closer than this to the person belong to the person
 _REACH_FORWARD_M = 0.60  # the same for patches nearer to the sensor: a fist may hide the arm behind it
-_PLANE_TOLERANCE_M = 0.02
-_PLANE_SHARE = 0.25  # of all readings
-_PLANE_SIDES_M = (1.2, 0.6)  # larger than any flat side of a person
-_PLANE_TRIALS = 200
-_MOST_PLANES = 3
-_SAMPLE = 2000
 
 
 def automatic_region(recording: Recording, at: Sequence[Instant] | None = None) -> Region:
@@ -75,7 +69,8 @@ def _corners(recording: Recording, instant: Instant) -> list[Floats]:
 def person_points(depth: Image, sensor: Sensor) -> Floats:
     """Points (N, 3) (m, sensor frame) of the person in a depth image (H, W) (m); none if nobody is there."""
     camera = sensor.camera
-    depth = without_large_planes(clean_depth(depth, camera), camera)
+    depth = clean_depth(depth, camera)
+    depth = without_planes(depth, camera, large_planes(depth, camera))
     patches = _large_patches(depth, camera)
     if not patches:
         return np.zeros((0, 3))
@@ -87,55 +82,15 @@ def person_points(depth: Image, sensor: Sensor) -> Floats:
     person = patches[main][1]
     others = [points for i, (_, points) in enumerate(patches) if i != main]
     while True:
-        tree, depth_of_person = cKDTree(_sample(person)), float(np.median(person[:, 2]))
+        tree, depth_of_person = cKDTree(some_of(person)), float(np.median(person[:, 2]))
         near = []
         for points in others:
             reach = _REACH_FORWARD_M if np.median(points[:, 2]) < depth_of_person else _REACH_M
-            near.append(bool((np.asarray(tree.query(_sample(points))[0]) < reach).any()))
+            near.append(bool((np.asarray(tree.query(some_of(points))[0]) < reach).any()))
         if not any(near):
             return person
         person = np.concatenate([person, *(points for points, close in zip(others, near, strict=True) if close)])
         others = [points for points, close in zip(others, near, strict=True) if not close]
-
-
-def without_large_planes(depth: Image, camera: Camera) -> Image:
-    """The depth image (H, W) (m) without floor and walls: planes that are dominant and larger than a person."""
-    depth = depth.copy()
-    points = backproject(camera, depth)
-    for _ in range(_MOST_PLANES):
-        seen = depth > 0.0
-        cloud = points[seen]
-        if len(cloud) < 3:
-            break
-        plane = largest_plane(_sample(cloud))
-        on_plane = np.abs(cloud @ plane[:3] + plane[3]) < _PLANE_TOLERANCE_M
-        if on_plane.mean() < _PLANE_SHARE or not _is_large(cloud[on_plane]):
-            break
-        depth[seen] = np.where(on_plane, 0.0, depth[seen])
-    return clean_depth(depth, camera)
-
-
-def largest_plane(points: Floats) -> Floats:
-    """The plane (4,), n . x + d = 0 with |n| = 1, that has the most of the points (N, 3) within 2 cm (RANSAC)."""
-    random = np.random.default_rng(0)
-    corner = points[random.integers(len(points), size=(_PLANE_TRIALS, 3))]
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal /= np.where(length > 0.0, length, 1.0)
-    offset = -(normal * corner[:, 0]).sum(axis=1)
-    votes = (np.abs(points @ normal.T + offset) < _PLANE_TOLERANCE_M).sum(axis=0)
-    best = int(np.argmax(np.where(length[:, 0] > 0.0, votes, -1)))
-    on_plane = points[np.abs(points @ normal[best] + offset[best]) < _PLANE_TOLERANCE_M]
-    centre = on_plane.mean(axis=0)
-    refined = np.linalg.svd(on_plane - centre, full_matrices=False)[2][2]
-    return np.append(refined, -refined @ centre)
-
-
-def _is_large(points: Floats) -> bool:
-    sample = _sample(points)
-    axes = np.linalg.svd(sample - sample.mean(axis=0), full_matrices=False)[2]
-    low, high = np.percentile(sample @ axes[:2].T, [5, 95], axis=0)
-    return bool((high - low >= _PLANE_SIDES_M).all())
 
 
 def _large_patches(depth: Image, camera: Camera) -> list[tuple[float, Floats]]:
@@ -146,8 +101,3 @@ def _large_patches(depth: Image, camera: Camera) -> list[tuple[float, Floats]]:
     points = backproject(camera, depth)
     large = [label for label in range(1, count) if area[label] >= _LARGE_PATCH_M2]
     return [(float(area[label]), points[labels == label]) for label in large]
-
-
-def _sample(points: NDArray[np.float64]) -> Floats:
-    """At most a few thousand of the points (N, 3), evenly picked."""
-    return points[:: max(1, len(points) // _SAMPLE)]

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
+from capture.background import largest_plane
 from capture.camera import Camera
 from capture.errors import CloudError
 from capture.recording import RecordingWriter, Sensor, open_recording
-from capture.region import automatic_region, largest_plane, person_points
+from capture.region import automatic_region, person_points
 from tests.analytic_depth import plane, quantised, sphere
 from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, write_limb
 
