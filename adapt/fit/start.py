@@ -16,11 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Target
+from adapt.fit.forms import joint_coordinates, typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import ATTACHED_M, FAR_M, VOID_M, ScoredPose, attached_share, score_pose, void_share
-from adapt.fit.slender import slender_parts
+from adapt.fit.slender import slender_parts, thicker_than
 from adapt.model.body import Body, pose_skin, rest_theta
 from capture.errors import FitError
 from capture.fuse import Cloud
@@ -45,7 +46,7 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
         FitError: no start finds enough correspondences.
     """
     sample = sample_skin(body.anatomy, at_most=600, seed=seed)
-    candidates = _coarse_candidates(body, slender_parts(target.cloud)[:_PARTS], np.random.default_rng(seed))
+    candidates = _coarse_candidates(body, slender_parts(target.cloud, thicker_than(body.anatomy))[:_PARTS], np.random.default_rng(seed))
     refined = [score for theta in candidates if (score := _refine(body, target, theta, sample)) is not None]
     if not refined:
         raise FitError(
@@ -85,9 +86,9 @@ def locate(
 
 
 def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
-    """A pose, and the same with each bending by a fifth of its range more or less: starts for a time apart."""
+    """A pose, and the same with each joint turned by a fifth of its range more or less: starts for a time apart."""
     varied = [theta]
-    for i in _bending(anatomy):
+    for i in joint_coordinates(anatomy):
         low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
         for step in (-0.2 * (high - low), 0.2 * (high - low)):
             varied.append(np.r_[theta[:i], np.clip(theta[i] + step, low, high), theta[i + 1 :]])
@@ -150,33 +151,16 @@ def _coarse_candidates(body: Body, parts: list[Cloud], rng: np.random.Generator)
 
 
 def _configurations(body: Body) -> Iterator[_Coarse]:
-    """Joint configurations on a grid over the ranges of the bending coordinates, root frame at the identity."""
+    """Joint configurations that stand for all forms of the limb, root frame at the identity."""
     anatomy = body.anatomy
     sample = sample_skin(anatomy, at_most=_COARSE_VERTICES)
     root = _root(anatomy)
     tip = np.linalg.norm(body.v_tilde.value - rest_theta(body)[root[3:]], axis=1).argmax()
     chosen = sample.vertices
-    for theta in _grid(anatomy):
+    for theta in typical_forms(anatomy):
         skin = pose_skin(body, theta)
         normals = sample.normals(skin)[chosen]
         yield _Coarse(theta, root, skin[chosen], normals, sample.observations[chosen], skin[tip])
-
-
-def _grid(anatomy: Anatomy) -> list[Floats]:
-    """Poses with each bending at a few places of its range, the others as near zero as they may be."""
-    middle = np.array([np.clip(0.0, c.low, c.high) for c in anatomy.coordinates])
-    poses = [middle]
-    for i in _bending(anatomy):
-        low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
-        places = [low + share * (high - low) for share in (0.15, 0.5, 0.85)]
-        poses = [np.r_[pose[:i], place, pose[i + 1 :]] for pose in poses for place in places]
-    return poses
-
-
-def _bending(anatomy: Anatomy) -> list[int]:
-    """Where the coordinates of hinges and spline joints stand in theta, each once: joints may share one."""
-    names = [joint.coordinates[0] for joint in anatomy.joints if joint.type in ("hinge", "spline")]
-    return sorted({anatomy.coordinate_index(name) for name in names})
 
 
 def _root(anatomy: Anatomy) -> Ints:

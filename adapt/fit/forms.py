@@ -1,0 +1,67 @@
+"""The forms that a limb can take, whichever its joints: what a first search tries, before it knows anything.
+
+Poses are drawn evenly from the joints' ranges. Two of them have the same form when one skin can be laid on the other
+by a rigid motion, which the search finds anyway; so each is laid on the straightest one, and poses in the middle of
+groups of like forms stand for all. A joint that hardly changes the form is left to the fit.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.sample import sample_skin
+from adapt.model.body import make_body, pose_skin
+
+FORMS = 12
+_DRAWN = 300
+_VERTICES = 100
+
+
+def joint_coordinates(anatomy: Anatomy) -> list[int]:
+    """Where the coordinates that change a limb's form stand in theta, each once: all but those of free joints."""
+    names = {name for joint in anatomy.joints if joint.type != "free" for name in joint.coordinates}
+    return sorted(anatomy.coordinate_index(name) for name in names)
+
+
+def straightest(anatomy: Anatomy) -> Floats:
+    """The pose (n,) with every coordinate as near zero as it may be."""
+    return np.array([np.clip(0.0, c.low, c.high) for c in anatomy.coordinates])
+
+
+@lru_cache(maxsize=4)
+def typical_forms(anatomy: Anatomy) -> tuple[Floats, ...]:
+    """Poses (n,) that stand for all forms of the limb, the root at the origin: the same on every call."""
+    drawn = _drawn(anatomy)
+    forms = _forms(anatomy, drawn)
+    middles, _ = kmeans2(forms, FORMS, minit="++", rng=0)
+    nearest = ((forms[:, None] - middles) ** 2).sum(axis=2).argmin(axis=0)
+    return tuple(drawn[k] for k in np.unique(nearest))
+
+
+def _drawn(anatomy: Anatomy) -> Floats:
+    """Poses (D, n) drawn evenly from the ranges of the joints."""
+    rng, varied = np.random.default_rng(0), joint_coordinates(anatomy)
+    low, high = (np.array([getattr(anatomy.coordinates[i], end) for i in varied]) for end in ("low", "high"))
+    drawn = np.tile(straightest(anatomy), (_DRAWN, 1))
+    drawn[:, varied] = rng.triangular(low, np.array([anatomy.coordinates[i].rest for i in varied]), high, (_DRAWN, len(varied)))
+    return drawn
+
+
+def _forms(anatomy: Anatomy, thetas: Floats) -> Floats:
+    """Skin (D, 3 N) of poses (D, n), laid rigidly on the straightest, each vertex by how much it counts."""
+    body, sample = make_body(anatomy), sample_skin(anatomy, at_most=_VERTICES)
+    weights = sample.observations[sample.vertices]
+    share = np.sqrt(weights / weights.sum())[:, None]
+
+    def centred(theta: Floats) -> Floats:
+        skin = pose_skin(body, theta, vertices=sample.vertices)
+        return share * (skin - np.average(skin, axis=0, weights=weights))
+
+    straight = centred(straightest(anatomy))
+    forms = [centred(theta) for theta in thetas]
+    return np.array([Rotation.align_vectors(straight, form)[0].apply(form).ravel() for form in forms])
