@@ -6,6 +6,7 @@ normals disagree, when the target lies on the scan's boundary, or when no sensor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -92,6 +93,11 @@ def pixel_of(view: View, points: Floats) -> tuple[Ints, Ints, NDArray[np.bool_]]
     height, width = view.depth.shape
     inside = (z > 0.0) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
     return np.where(inside, pixel[:, 1], 0), np.where(inside, pixel[:, 0], 0), inside
+
+
+def in_an_image(views: Sequence[View], points: Floats) -> NDArray[np.bool_]:
+    """Which points (N, 3) fall inside the image of any of the views: of the others nothing can be known."""
+    return np.any([pixel_of(view, points)[2] for view in views], axis=0)
 
 
 def find_corres(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target, depth_at, visible_from
+from adapt.fit.correspondences import Target, depth_at, in_an_image, visible_from
 from adapt.fit.pose import PoseFit
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin
@@ -152,7 +152,8 @@ class _Sight:
 
     The distance is that to the nearest point of a sensor that the vertex faces. A vertex that faces a sensor but is
     hidden by something nearer may rightly be hidden: in a score it counts, at half weight, as unexplained, so that
-    hiding the whole limb behind the trunk does not pay.
+    hiding the whole limb behind the trunk does not pay. One beyond the images' edges counts for nothing: legs are cut
+    off at the knee by many a sensor, and points left without skin tell of a limb laid beyond the edge.
     """
 
     distance: Floats
@@ -171,7 +172,9 @@ def _sight(target: Target, points: Floats, normals: Floats) -> _Sight:
         nearest, _ = tree.query(points[seen])
         distance[seen] = np.minimum(distance[seen], nearest)
         weight[seen] = 1.0
-        weight[faces & ~seen] = np.maximum(weight[faces & ~seen], 0.5)
+        hidden = np.flatnonzero(faces & ~seen)
+        hidden = hidden[in_an_image([view], points[hidden])]
+        weight[hidden] = np.maximum(weight[hidden], 0.5)
         measured, depth, _ = depth_at(view, points[seen])
         left_out = (np.abs(measured - depth) < _NEAR_M) & (nearest >= _NEAR_M)
         in_sight[seen] |= ~left_out

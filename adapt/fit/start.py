@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Target
+from adapt.fit.correspondences import Target, in_an_image
 from adapt.fit.forms import joint_coordinates, typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import fit_pose
@@ -177,8 +177,7 @@ def _place(coarse: _Coarse, rotations: Floats, cloud: Cloud) -> Iterator[tuple[F
     normals = np.einsum("rij,nj->rni", rotations, coarse.normals)
     facing = normals @ toward
     weights = coarse.weights * (facing > 0.2)
-    total = np.maximum(weights.sum(axis=1), 1e-9)
-    middle = np.einsum("rn,rni->ri", weights, points) / total[:, None]
+    middle = np.einsum("rn,rni->ri", weights, points) / np.maximum(weights.sum(axis=1), 1e-9)[:, None]
     tips = rotations @ coarse.tip
     anchors = [cloud.points.mean(axis=0) - middle]
     anchors += [extremity - tips for extremity in _extremities(cloud)]
@@ -188,7 +187,9 @@ def _place(coarse: _Coarse, rotations: Floats, cloud: Cloud) -> Iterator[tuple[F
         distance, _ = tree.query((points + shift[:, None]).reshape(-1, 3), distance_upper_bound=FAR_M)
         distance = np.minimum(distance, FAR_M).reshape(points.shape[:2])
         placed = points + shift[:, None]
-        score = (weights * distance).sum(axis=1) / total + _unexplained(placed, cloud)
+        counted = weights * in_an_image(cloud.views, placed.reshape(-1, 3)).reshape(weights.shape)
+        score = (counted * distance).sum(axis=1) / np.maximum(counted.sum(axis=1), 1e-9)
+        score += _unexplained(placed, cloud)
         score += ATTACHED_M * attached_share(cloud, placed, normals, coarse.weights)
         score += VOID_M * void_share(cloud, placed, np.ones(len(coarse.points)))
         theta = np.tile(coarse.theta, (len(rotations), 1))
