@@ -101,5 +101,5 @@ def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> 
     for number in tracked[np.linspace(0, len(tracked) - 1, min(_PICTURES, len(tracked))).astype(int)]:
         cloud = fuse(recording, moments[number])
         written.append(out / f"fit_{number:04d}.png")
-        picture_fit(subject.body, motion.thetas[number], cloud, written[-1])
+        picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=motion.shown[number])
     return written

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from adapt.anatomy import Floats, Ints
@@ -32,3 +33,9 @@ def _doubled_areas(vertices: Floats, faces: Ints) -> Floats:
     a, b, c = (vertices.take(corner, axis=0) for corner in faces.T)
     (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
     return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
+
+
+def submesh(vertices: Floats, faces: Ints, kept: NDArray[np.bool_]) -> tuple[Floats, Ints]:
+    """The part of a mesh whose vertices (V,) are kept: those vertices, and the faces between them."""
+    renumbered = np.cumsum(kept) - 1
+    return vertices[kept], renumbered[faces[kept[faces].all(axis=1)]]

@@ -32,6 +32,7 @@ from capture.recording import instants, open_recording
 from capture.rigid import apply, inverse
 from track.cli import bonetrack
 from track.motion import load_motion
+from track.shown import Bools, skin_shown
 from track.view.pictures import body_layers
 from track.view.render import framing_camera, look_at, render, save_png
 
@@ -40,7 +41,7 @@ _COUNTS = 0.5  # skin with at least this fit weight: not the fingers, not the sh
 _FINE_M = 0.003
 _PANEL = (240, 190)
 _TILE = (300, 300)
-_SHOWN_POINTS = 4  # one of so many, lest they hide the limb
+_SHOWN_POINTS = 5  # one of so many, lest they hide the limb
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,10 @@ def commands(case: Case, recordings: Path, work: Path) -> list[tuple[Path, str]]
     ]
 
 
-def skin_to_cloud(body: Body, theta: Floats, cloud: Cloud) -> float:
-    """Median distance (m) from the skin that the sensors should see to the nearest point."""
+def skin_to_cloud(body: Body, theta: Floats, shown: Bools, cloud: Cloud) -> float:
+    """Median distance (m) from the skin that the sensors should see, of bones that show, to the nearest point."""
     sample = sample_skin(body.anatomy)
-    skin, chosen = pose_skin(body, theta), np.flatnonzero(body.anatomy.fit_weight >= _COUNTS)
+    skin, chosen = pose_skin(body, theta), np.flatnonzero(_counts(body, shown))
     points, normals = skin[chosen], sample.normals(skin)[chosen]
     target = Target(cloud)
     seen = np.any([visible_from(view, points, normals) for view, _, _ in target.parts], axis=0)
@@ -93,8 +94,12 @@ def skin_to_cloud(body: Body, theta: Floats, cloud: Cloud) -> float:
     return float(np.median(nearest))
 
 
-def cloud_to_skin(body: Body, theta: Floats, cloud: Cloud) -> float:
-    """Median distance (m) from the points of the limb's region to the skin's surface."""
+def _counts(body: Body, shown: Bools) -> Bools:
+    return np.asarray((body.anatomy.fit_weight >= _COUNTS) & skin_shown(body, shown))
+
+
+def cloud_to_skin(body: Body, theta: Floats, shown: Bools, cloud: Cloud) -> float:
+    """Median distance (m) from the points nearest to the skin of bones that show to its surface."""
     core, skin, faces = open3d().core, pose_skin(body, theta), body.anatomy.skin_faces
     scene = open3d().t.geometry.RaycastingScene()
     scene.add_triangles(
@@ -102,20 +107,20 @@ def cloud_to_skin(body: Body, theta: Floats, cloud: Cloud) -> float:
     )
     closest = scene.compute_closest_points(core.Tensor.from_numpy(cloud.points.astype(np.float32)))
     distance = np.linalg.norm(closest["points"].numpy() - cloud.points, axis=1)
-    counts = body.anatomy.fit_weight[faces[closest["primitive_ids"].numpy().astype(np.int64), 0]] >= _COUNTS
+    counts = _counts(body, shown)[faces[closest["primitive_ids"].numpy().astype(np.int64), 0]]
     return float(np.median(distance[counts & (distance < _LIMB_M)]))
 
 
-def panel(body: Body, theta: Floats | None, cloud: Cloud, label: str) -> NDArray[np.uint8]:
-    """The fit over the cloud from the sensor and from the side; the cloud alone where there is no fit."""
+def panel(body: Body, theta: Floats | None, shown: Bools, cloud: Cloud, label: str) -> NDArray[np.uint8]:
+    """The fit over the cloud from the sensor and from the side, only bones that show; the cloud alone without a fit."""
     sensor = cloud.views[0].world_from_sensor
-    up, shown = -sensor[:3, 1], cloud.points if theta is None else pose_skin(body, theta)
-    front = sensor[:3, 3] - shown.mean(axis=0)
+    up, framed = -sensor[:3, 1], cloud.points if theta is None else pose_skin(body, theta)[skin_shown(body, shown)]
+    front = sensor[:3, 3] - framed.mean(axis=0)
     images = []
     for direction in (front, np.cross(up, front)):
-        eye = look_at(shown, direction, up)
-        layers = [] if theta is None else body_layers(body, theta)
-        camera = framing_camera(eye, shown, width=_PANEL[0], height=_PANEL[1])
+        eye = look_at(framed, direction, up)
+        layers = [] if theta is None else body_layers(body, theta, shown=shown)
+        camera = framing_camera(eye, framed, width=_PANEL[0], height=_PANEL[1])
         images.append(render(layers, eye, camera, points=cloud.points[::_SHOWN_POINTS]))
     image = np.ascontiguousarray(np.concatenate(images, axis=1))
     cv2.putText(image, label, (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (200, 0, 0), 1, cv2.LINE_AA)
@@ -126,18 +131,21 @@ def report(case: Case, work: Path, picture: Path) -> None:
     """Print a table of the case's frames and write its contact sheet."""
     recording, motion = open_recording(work / case.name), load_motion(work / f"{case.name}.motion")
     body, region = load_subject(work / f"{case.name}.npz").body, as_region(case.region)
-    table = Table("frame", "skin to cloud (mm)", "cloud to skin (mm)", "coverage", "lost because", title=case.name)
+    table = Table(
+        "frame", "skin to cloud (mm)", "cloud to skin (mm)", "coverage", "do not show", "lost because", title=case.name
+    )
     panels = []
     for k, moment in enumerate(instants(recording)):
         cloud = fuse(recording, moment, region=region, spacing_m=_FINE_M)
         if motion.lost[k]:
-            table.add_row(str(k), "-", "-", f"{100 * motion.coverage[k]:.0f} %", motion.lost[k])
-            panels.append(panel(body, None, fuse(recording, moment, region=region), f"{k} lost"))
+            table.add_row(str(k), "-", "-", f"{100 * motion.coverage[k]:.0f} %", "-", motion.lost[k])
+            panels.append(panel(body, None, motion.shown[k], fuse(recording, moment, region=region), f"{k} lost"))
             continue
-        theta = motion.thetas[k]
-        there, back = 1e3 * skin_to_cloud(body, theta, cloud), 1e3 * cloud_to_skin(body, theta, cloud)
-        table.add_row(str(k), f"{there:.1f}", f"{back:.1f}", f"{100 * motion.coverage[k]:.0f} %", "")
-        panels.append(panel(body, theta, fuse(recording, moment, region=region), str(k)))
+        theta, shown, hidden = motion.thetas[k], motion.shown[k], ", ".join(motion.hidden(k))
+        there, back = (1e3 * measure(body, theta, shown, cloud) for measure in (skin_to_cloud, cloud_to_skin))
+        table.add_row(str(k), f"{there:.1f}", f"{back:.1f}", f"{100 * motion.coverage[k]:.0f} %", hidden, "")
+        label = f"{k} without {hidden}" if hidden else str(k)
+        panels.append(panel(body, theta, shown, fuse(recording, moment, region=region), label))
     stdout.print(table)
     save_png(_sheet(panels), picture)
 
@@ -180,7 +188,7 @@ def _sheet(panels: list[NDArray[np.uint8]], *, columns: int = 3) -> NDArray[np.u
     rows = -(-len(panels) // columns)
     filled = [*panels, *[np.full_like(panels[0], 255)] * (rows * columns - len(panels))]
     lines = [np.concatenate(filled[columns * r : columns * (r + 1)], axis=1) for r in range(rows)]
-    few_colours = np.rint(np.concatenate(lines, axis=0) / 15.0) * 15.0  # a smaller file
+    few_colours = np.rint(np.concatenate(lines, axis=0) / 20.0) * 20.0  # a smaller file
     return np.asarray(few_colours, dtype=np.uint8)
 
 

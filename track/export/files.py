@@ -9,13 +9,14 @@ import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.body import Body, pose_skin, posed_bones
+from adapt.model.surface import submesh
 from adapt.subject import Subject
 from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
 from track.export.opensim_tables import write_mot, write_trc
 from track.motion import Motion, MotionError
-from track.shown import Bools, known_thetas, skin_shown
+from track.shown import known_thetas, skin_shown
 
 
 def export_subject(subject: Subject, out: Path) -> list[Path]:
@@ -61,19 +62,13 @@ def _check_frame(motion: Motion, frame: int) -> None:
 
 def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
     theta, hidden = motion.thetas[frame], motion.hidden(frame)
-    skin = _part_of(pose_skin(body, theta), body.anatomy.skin_faces, skin_shown(body, motion.shown[frame]))
+    skin = submesh(pose_skin(body, theta), body.anatomy.skin_faces, skin_shown(body, motion.shown[frame]))
     written = [_ply(out / f"skin_{frame:05d}.ply", *skin)]
     bones = posed_bones(body, theta)
     for bone in body.anatomy.bones:
         if bone.name not in hidden:
             written.append(_ply(out / f"{bone.name}_{frame:05d}.ply", bones[bone.name], bone.faces))
     return written
-
-
-def _part_of(vertices: Floats, faces: Ints, kept: Bools) -> tuple[Floats, Ints]:
-    """The part of a mesh whose vertices (V,) are kept."""
-    renumbered = np.cumsum(kept) - 1
-    return vertices[kept], renumbered[faces[kept[faces].all(axis=1)]]
 
 
 def _csv(path: Path, times: Floats, columns: dict[str, Floats]) -> Path:
