@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import adapt.fit.start as start
+from adapt.anatomy import load_anatomy
+from adapt.fit.correspondences import Target, pixel_of
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import attached_share, find_skin, score_pose, void_share
-from adapt.fit.slender import slender_parts
+from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.start import find_pose, locate, try_pose
 from adapt.model.body import joint_centres, pose_skin
 from adapt.model.surface import vertex_areas
@@ -150,12 +154,13 @@ def cloud_of(depth) -> Cloud:
 
 TRUNK = ((-0.20, 0.20), (-0.30, 0.30))
 ARM = ((0.18, 0.60), (-0.04, 0.04))
+THICKER_M = 0.085
 
 
 def test_an_arm_is_slender_and_the_trunk_it_hangs_on_is_not():
     camera = carmine_camera()
     cloud = cloud_of(np.maximum(board(camera, 1.4, *TRUNK), board(camera, 1.4, *ARM)))
-    largest = slender_parts(cloud)[0]
+    largest = slender_parts(cloud, THICKER_M)[0]
     of_trunk = cloud.points[:, 0] < 0.20
     assert of_trunk.mean() > 0.5
     assert (largest.points[:, 0] > 0.19).all()
@@ -168,7 +173,7 @@ def test_an_arm_in_front_of_a_trunk_is_slender_too():
     camera = carmine_camera()
     trunk, arm = board(camera, 1.4, *TRUNK), board(camera, 1.2, (-0.15, 0.15), (-0.04, 0.04))
     cloud = cloud_of(np.where(arm > 0.0, arm, trunk))
-    largest = slender_parts(cloud)[0]
+    largest = slender_parts(cloud, THICKER_M)[0]
     assert (largest.points[:, 2] < 1.3).all()
     assert len(largest.points) > 0.7 * (cloud.points[:, 2] < 1.3).sum()
 
@@ -176,7 +181,7 @@ def test_an_arm_in_front_of_a_trunk_is_slender_too():
 def test_several_slender_parts_come_largest_first():
     camera = carmine_camera()
     arms = [board(camera, 1.4, ARM[0], ARM[1]), board(camera, 1.4, (-0.45, -0.18), ARM[1])]
-    parts = slender_parts(cloud_of(np.maximum(board(camera, 1.4, *TRUNK), np.maximum(*arms))))
+    parts = slender_parts(cloud_of(np.maximum(board(camera, 1.4, *TRUNK), np.maximum(*arms))), THICKER_M)
     assert len(parts) == 2
     assert len(parts[0].points) > len(parts[1].points)
     assert (parts[0].points[:, 0] > 0.0).all()
@@ -185,7 +190,40 @@ def test_several_slender_parts_come_largest_first():
 
 def test_a_cloud_without_slender_parts_is_taken_whole():
     cloud = cloud_of(board(carmine_camera(), 1.4, *TRUNK))
-    assert [len(part.points) for part in slender_parts(cloud)] == [len(cloud.points)]
+    assert [len(part.points) for part in slender_parts(cloud, THICKER_M)] == [len(cloud.points)]
+
+
+@pytest.mark.parametrize(
+    ("name", "least_m", "most_m"), [("upper-limb-right", 0.08, 0.09), ("lower-limb-left", 0.14, 0.17)]
+)
+def test_what_is_too_thick_for_a_limb_follows_from_its_template(name, least_m, most_m):
+    """Above an arm's radius in a sleeve and below a trunk's; for a leg above a thigh's."""
+    assert least_m < thicker_than(load_anatomy(name)) < most_m
+
+
+# ---- beyond the images' edges
+
+
+def lower_part(view: View, rows: int) -> View:
+    """What a sensor sees whose image starts ``rows`` farther down."""
+    camera = replace(view.camera, height=view.camera.height - rows, cy=view.camera.cy - rows)
+    return replace(view, camera=camera, depth=view.depth[rows:])
+
+
+def test_skin_beyond_the_images_edges_speaks_neither_for_a_pose_nor_against_it(limb, sample):
+    body, theta = limb.subject.body, limb.thetas[FRAME]
+    whole = exact_target(body, theta).cloud
+    rows = [int(np.median(pixel_of(view, whole.points)[0])) for view in whole.views]
+    views = tuple(lower_part(view, cut) for view, cut in zip(whole.views, rows, strict=True))
+    everywhere = Region(np.full(3, -10.0), np.full(3, 10.0))
+    parts = [view_points(view, everywhere, spacing_m=0.0075) for view in views]
+    points, normals, boundary = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    cut = Cloud(points, normals, boundary, np.repeat([0, 1], [len(part[0]) for part in parts]), views)
+    assert len(cut.points) < 0.7 * len(whole.points)
+    held = fit_pose(body, Target(cut), theta, sample, updates=0)
+    score = score_pose(body, Target(cut), held, sample)
+    assert score.skin_m < 0.006
+    assert score.coverage > 0.95
 
 
 # ---- attachment

@@ -48,7 +48,9 @@ def _drawn(anatomy: Anatomy) -> Floats:
     rng, varied = np.random.default_rng(0), joint_coordinates(anatomy)
     low, high = (np.array([getattr(anatomy.coordinates[i], end) for i in varied]) for end in ("low", "high"))
     drawn = np.tile(straightest(anatomy), (_DRAWN, 1))
-    drawn[:, varied] = rng.triangular(low, np.array([anatomy.coordinates[i].rest for i in varied]), high, (_DRAWN, len(varied)))
+    drawn[:, varied] = rng.triangular(
+        low, np.array([anatomy.coordinates[i].rest for i in varied]), high, (_DRAWN, len(varied))
+    )
     return drawn
 
 

@@ -46,7 +46,9 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
         FitError: no start finds enough correspondences.
     """
     sample = sample_skin(body.anatomy, at_most=600, seed=seed)
-    candidates = _coarse_candidates(body, slender_parts(target.cloud, thicker_than(body.anatomy))[:_PARTS], np.random.default_rng(seed))
+    candidates = _coarse_candidates(
+        body, slender_parts(target.cloud, thicker_than(body.anatomy))[:_PARTS], np.random.default_rng(seed)
+    )
     refined = [score for theta in candidates if (score := _refine(body, target, theta, sample)) is not None]
     if not refined:
         raise FitError(
