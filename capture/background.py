@@ -59,7 +59,7 @@ def large_planes(depth: Image, camera: Camera) -> tuple[Floats, ...]:
 
 
 def without_planes(depth: Image, camera: Camera, planes: tuple[Floats, ...]) -> Image:
-    """The depth image (H, W) (m) without readings on any of the planes (4,), and without what is left of their edges."""
+    """The depth image (H, W) (m) without readings on any of the planes (4,), nor specks that are left of them."""
     if not planes:
         return depth
     points, kept = backproject(camera, depth), depth.copy()

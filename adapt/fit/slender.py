@@ -1,7 +1,8 @@
 """The slender parts of a cloud: limbs without the trunk they hang on, for the first search only.
 
 In each depth image a disc clearly wider than the limb is rolled over the foreground; what it cannot reach (a
-morphological opening's residue) is slender. Depth jumps cut the foreground first, so that an arm in front of a chest stays apart.
+morphological opening's residue) is slender. Depth jumps cut the foreground first, so that an arm in front of a chest
+stays apart.
 """
 
 from __future__ import annotations
