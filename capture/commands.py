@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
@@ -54,14 +55,14 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
 
 
 @click.command("import")
-@click.argument("source", type=_PATH)
+@click.argument("sources", type=_PATH, nargs=-1, required=True, metavar="SOURCE...")
 @click.option("--out", required=True, type=_PATH, help="The recording folder to make.")
 @click.option(
     "--format",
     "format_name",
     type=click.Choice(_FORMAT_NAMES),
     default=None,
-    help="What SOURCE is [default: found out by its content].",
+    help="What each SOURCE is [default: found out by its content].",
 )
 @click.option("--pattern", default=None, help="Which files of a folder, such as 'depth-*' [default: *.png, or *].")
 @click.option("--width", type=click.IntRange(1, 16384), default=640, show_default=True, help="Columns of a raw image.")
@@ -87,10 +88,19 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
     default=None,
     help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
 )
-@click.option("--sensor", default="sensor", show_default=True, help="The sensor's name.")
+@click.option(
+    "--sensor", multiple=True, help="A sensor's name, once for each SOURCE [default: sensor, or sensor-1, ...]."
+)
+@click.option(
+    "--offset",
+    default="motion",
+    show_default=True,
+    help="By how many seconds each SOURCE's first frame comes after that of the one before; 'motion': find it by what "
+    "moves; 'clock': they share one clock.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
 def import_command(
-    source: Path,
+    sources: tuple[Path, ...],
     out: Path,
     format_name: str | None,
     pattern: str | None,
@@ -103,10 +113,11 @@ def import_command(
     distortion: str,
     unit_mm: float | None,
     fps: float | None,
-    sensor: str,
+    sensor: tuple[str, ...],
+    offset: str,
     overwrite: bool,
 ) -> None:
-    """Make a recording of SOURCE, a sensor's file or folder.
+    """Make one recording of each SOURCE, a sensor's file or folder.
 
     Reads what Azure Kinect (.mkv), RealSense (.bag, .db3) and OpenNI (.oni) record; folders laid out like TUM's and
     Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG, raw
@@ -129,15 +140,30 @@ def import_command(
     )
     with stdout.status("importing") as status:
         recording = import_recording(
-            source,
+            sources,
             out,
             stated=stated,
             format_name=format_name,
-            sensor_name=sensor,
+            sensor_names=sensor,
+            offset=_offset(offset),
             overwrite=overwrite,
             progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
         )
     _print_imported(recording)
+
+
+def _offset(text: str) -> Literal["motion", "clock"] | float:
+    if text == "motion":
+        return "motion"
+    if text == "clock":
+        return "clock"
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise click.BadParameter(f"{text!r} is not a number of seconds, 'motion' or 'clock'", param_hint="--offset")
+    return seconds
 
 
 def _distortion(text: str) -> tuple[float, ...]:

@@ -254,9 +254,9 @@ class TestColourInARecording:
     def test_overwriting_removes_old_colour(self, tmp_path):
         from tests.two_sensors import write_limb
 
-        import_recording(FILES / "realsense.db3", tmp_path / "rec", sensor_name="left")
+        import_recording(FILES / "realsense.db3", tmp_path / "rec", sensor_names=["left"])
         assert (tmp_path / "rec" / "left" / "colour.csv").exists()
-        import_recording(FILES / "realsense.db3", tmp_path / "rec", sensor_name="other", overwrite=True)
+        import_recording(FILES / "realsense.db3", tmp_path / "rec", sensor_names=["other"], overwrite=True)
         assert not list((tmp_path / "rec" / "left").iterdir())
         assert write_limb(tmp_path / "new").sensors[0].colour is None
 

@@ -2,6 +2,7 @@
 
 from capture.importers.formats import FORMATS, open_source
 from capture.importers.images import Kind, import_images, natural_order, source_files
+from capture.importers.offset import Motion, Offset, estimate_offset, motion_of
 from capture.importers.run import import_recording
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
 
@@ -10,10 +11,14 @@ __all__ = [
     "ColourFrame",
     "DepthFrame",
     "Kind",
+    "Motion",
+    "Offset",
     "Source",
     "Stated",
+    "estimate_offset",
     "import_images",
     "import_recording",
+    "motion_of",
     "natural_order",
     "open_source",
     "source_files",

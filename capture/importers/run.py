@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from capture.errors import RecordingError
 from capture.importers.formats import open_source
+from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
@@ -21,27 +23,90 @@ Progress = Callable[[str, int, int | None], None]
 
 
 def import_recording(
-    path: Path,
+    paths: Path | Sequence[Path],
     out: Path,
     *,
     stated: Stated | None = None,
     format_name: str | None = None,
-    sensor_name: str = "sensor",
+    sensor_names: Sequence[str] = (),
+    offset: Literal["motion", "clock"] | float = "motion",
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Recording:
-    """Make a recording of one sensor's file or folder; its time 0 is the first depth frame.
+    """Make one recording of the files or folders of one or more sensors; time 0 is the first's first depth frame.
+
+    Args:
+        paths: one file or folder a sensor.
+        out: the folder to make.
+        stated: what the user states of the cameras, of all alike.
+        format_name: what the files are, if not to be found out.
+        sensor_names: the sensors' names [``sensor``, or ``sensor-1``, ``sensor-2``, ...].
+        offset: of several sensors, by how much the first depth frame of each comes after that of the one before (s);
+            or ``motion``, to find it by what moves; or ``clock``, if their files were written by one clock.
+        overwrite: replace a recording that stands there already.
+        progress: called after each frame.
 
     Raises:
-        RecordingError: the file is missing, empty, damaged, of another kind, or without depth; too little is known of
-            the camera; or ``out`` is in use.
+        RecordingError: a file is missing, empty, damaged, of another kind, or without depth; too little is known of
+            the camera; motion tells no offset; or ``out`` is in use.
     """
-    source = open_source(path, stated or Stated(), name=format_name)
-    sensor = replace(source.sensor, name=sensor_name)
-    created_by = f"bonetrack import of {path.name}, times by {source.times}"
-    with RecordingWriter(out, sensors=[sensor], created_by=created_by, overwrite=overwrite) as writer:
-        write_frames(writer, sensor, source, path, progress=progress)
+    listed = [paths] if isinstance(paths, Path) else list(paths)
+    names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
+    if len(set(names)) != len(listed):
+        raise RecordingError(f"{len(listed)} sensors need as many different names, not {', '.join(names)}", where=out)
+
+    def opened(path: Path) -> Source:
+        return open_source(path, stated or Stated(), name=format_name)
+
+    sources = [opened(path) for path in listed]
+    sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
+    starts = [_first_time(opened(path), path) for path in listed]
+    shifts, told = _shifts(listed, names, starts, offset, opened)
+    what = " and ".join(f"{path.name}, times by {source.times}" for path, source in zip(listed, sources, strict=True))
+    created_by = "; ".join([f"bonetrack import of {what}", *told])
+    with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
+        for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
+            write_frames(writer, sensor, source, path, shift_s=shift, progress=progress)
     return open_recording(out)
+
+
+def _first_time(source: Source, path: Path) -> float:
+    """The time (s) of a source's first depth frame."""
+    for frame in source.frames:
+        if isinstance(frame, DepthFrame):
+            return frame.time_s
+    raise RecordingError("has no depth frames", where=path, remedy="record or copy it again")
+
+
+def _shifts(
+    paths: Sequence[Path],
+    names: Sequence[str],
+    starts: Sequence[float],
+    offset: Literal["motion", "clock"] | float,
+    opened: Callable[[Path], Source],
+) -> tuple[list[float], list[str]]:
+    """What is added to the times of each source, and how it was found, in words."""
+    shifts: list[float] = [-starts[0]]
+    told: list[str] = []
+    if len(paths) == 1:
+        return shifts, told
+    if offset == "clock":
+        return [-starts[0]] * len(paths), ["all by one clock"]
+    before = motion_of(opened(paths[0])) if offset == "motion" else None
+    total = 0.0
+    for i in range(1, len(paths)):
+        how = "as stated"
+        if before is None:
+            step = float(offset)
+        else:
+            now = motion_of(opened(paths[i]))
+            found = estimate_offset(before, now, where=paths[i])
+            step, before = found.seconds, now
+            how = f"by motion, one standard deviation {found.deviation_s:.4f} s, correlation {found.correlation:.2f}"
+        total += step
+        shifts.append(total - starts[i])
+        told.append(f"{names[i]} begins {step:.4f} s after {names[i - 1]} ({how})")
+    return shifts, told
 
 
 def write_frames(
@@ -50,23 +115,21 @@ def write_frames(
     source: Source,
     path: Path,
     *,
-    start_s: float | None = 0.0,
+    shift_s: float,
     progress: Progress | None = None,
 ) -> None:
-    """Write all frames of a source; ``start_s`` is the time of its first depth frame (None: its own clock's).
+    """Write all frames of a source, ``shift_s`` later than the source says.
 
     Colour images out of order are left out, and so are those long before the first depth frame.
 
     Raises:
         RecordingError: no depth frame, depth out of order, or whatever the reader finds wrong.
     """
-    count, shift = 0, 0.0
+    count = 0
     last_colour = last_depth = -math.inf
     early: deque[ColourFrame] = deque(maxlen=_EARLY_COLOUR)
     for frame in source.frames:
         if isinstance(frame, DepthFrame):
-            if count == 0 and start_s is not None:
-                shift = start_s - frame.time_s
             if not frame.time_s > last_depth:
                 raise RecordingError(
                     f"depth frame {count} (at {frame.time_s:.4f} s) does not come after the one before",
@@ -74,7 +137,7 @@ def write_frames(
                     remedy="record or copy it again",
                 )
             last_depth = frame.time_s
-            writer.add_frame(sensor.name, frame.readings, frame.time_s + shift)
+            writer.add_frame(sensor.name, frame.readings, frame.time_s + shift_s)
             count += 1
             if progress is not None:
                 progress(sensor.name, count, source.count)
@@ -84,6 +147,6 @@ def write_frames(
             colour = early.popleft()
             if colour.time_s > last_colour:
                 last_colour = colour.time_s
-                writer.add_colour(sensor.name, colour.image, colour.time_s + shift)
+                writer.add_colour(sensor.name, colour.image, colour.time_s + shift_s)
     if count == 0:
         raise RecordingError("has no depth frames", where=path, remedy="record or copy it again")

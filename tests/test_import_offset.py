@@ -1,0 +1,122 @@
+"""Two sensors' files become one recording: by a stated offset, by one clock, or by the motion that both see."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.interpolate import PchipInterpolator
+
+from capture.camera import Camera
+from capture.commands import import_command
+from capture.errors import RecordingError
+from capture.importers import DepthFrame, Source, Stated, estimate_offset, import_recording, motion_of
+from capture.recording import Sensor, instants
+from tests.test_import_files import FILES
+
+CAMERA = Camera(160, 120, 140.0, 140.0, 79.5, 59.5)
+NAME = Path("second.oni")
+
+
+def performance(seed: int, *, periodic: bool = False):
+    """Where a forearm is (x, z) (m) at a time: still and moving by turns, or to and fro without end."""
+    if periodic:
+        return lambda t: 0.15 * np.array([np.sin(6.28 * t), np.cos(6.28 * t)])
+    random = np.random.default_rng(seed)
+    return PchipInterpolator(np.cumsum(random.exponential(0.9, 80)), random.uniform(-0.3, 0.3, (80, 2)))
+
+
+def sees(position, *, turn: float, start_s: float, seconds: float, fps: float, seed: int, clock_s: float = 0.0):
+    """Depth of the forearm, seen by a sensor turned about the vertical, with noise and unsteady times."""
+    random = np.random.default_rng(seed)
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+
+    def frames():
+        for index in range(int(seconds * fps)):
+            x, z = position(start_s + index / fps + random.normal(0.0, 0.002))
+            across, along = x * np.cos(turn) + z * np.sin(turn), 1.5 + z * np.cos(turn) - x * np.sin(turn)
+            arm = (abs(u - 80.0 - 140.0 * across / 1.5) < 6.0) & (abs(v - 60) < 30)
+            depth = np.where(arm, along, 2.5)
+            depth += random.normal(0.0, 0.004, depth.shape) * depth**2
+            yield DepthFrame(clock_s + index / fps, np.clip(1000.0 * depth, 0, 65535).astype(np.uint16))
+
+    return Source(Sensor("sensor", CAMERA, 0.001, (0.2, 4.0)), frames(), times="the file")
+
+
+def two_views(position, *, offset_s: float, other=None, seconds: float = 14.0):
+    first = sees(position, turn=0.0, start_s=5.0, seconds=seconds, fps=30.0, seed=1, clock_s=100.0)
+    other = position if other is None else other
+    second = sees(other, turn=0.7, start_s=5.0 + offset_s, seconds=seconds, fps=25.0, seed=2, clock_s=7.0)
+    return motion_of(first), motion_of(second)
+
+
+@pytest.mark.parametrize(("seed", "offset_s"), [(1, 0.676), (5, -1.31)])
+def test_the_offset_is_found_within_what_it_states(seed, offset_s):
+    found = estimate_offset(*two_views(performance(seed), offset_s=offset_s), where=NAME)
+    assert abs(found.seconds - offset_s) < 0.012
+    assert abs(found.seconds - offset_s) < 3.0 * found.deviation_s
+    assert found.deviation_s < 0.02
+    assert found.correlation > 0.8
+
+
+def test_motion_that_tells_no_offset_is_refused():
+    with pytest.raises(RecordingError, match=r"second\.oni.*(too little motion|alike).*--offset"):
+        estimate_offset(*two_views(performance(1), offset_s=0.0, other=performance(9), seconds=9.0), where=NAME)
+    with pytest.raises(RecordingError, match=r"alike|chance"):
+        estimate_offset(*two_views(performance(0, periodic=True), offset_s=0.3, seconds=7.0), where=NAME)
+    with pytest.raises(RecordingError, match=r"too little motion|nothing moves"):
+        estimate_offset(*two_views(lambda t: (0.0, 0.0), offset_s=0.0, seconds=5.0), where=NAME)
+    with pytest.raises(RecordingError, match="shorter than 4 s"):
+        estimate_offset(*two_views(performance(1), offset_s=0.0, seconds=3.0), where=NAME)
+
+
+def write_folder(folder: Path, source: Source) -> Path:
+    (folder / "depth").mkdir(parents=True)
+    for frame in source.frames:
+        cv2.imwrite(str(folder / "depth" / f"{round(frame.time_s * 30):04d}.png"), frame.readings)
+    return folder
+
+
+def test_files_of_two_sensors_become_one_recording(tmp_path):
+    position = performance(1)
+    paths = [
+        write_folder(tmp_path / name, sees(position, turn=turn, start_s=start_s, seconds=7.0, fps=30.0, seed=seed))
+        for name, turn, start_s, seed in (("a", 0.0, 5.0, 1), ("b", 0.7, 5.5, 2))
+    ]
+    arguments = [
+        *map(str, paths),
+        "--out",
+        str(tmp_path / "rec"),
+        "--fx",
+        "140",
+        "--sensor",
+        "left",
+        "--sensor",
+        "right",
+    ]
+    result = CliRunner().invoke(import_command, arguments)
+    assert result.exit_code == 0, result.output
+    assert "right begins 0.5" in result.output or "right begins 0.49" in result.output
+    assert "one standard deviation" in result.output
+    recording = import_recording(paths, tmp_path / "stated", stated=Stated(fx=140.0), offset=0.5)
+    first, second = recording.sensors
+    assert (first.name, second.name) == ("sensor-1", "sensor-2")
+    assert (first.frames[0].time_s, second.frames[0].time_s) == (0.0, 0.5)
+    assert sum(len(instant.frames) == 2 for instant in instants(recording)) == 195
+
+
+def test_files_by_one_clock_keep_it(tmp_path):
+    paths = [FILES / "realsense.db3", FILES / "realsense.db3"]
+    recording = import_recording(paths, tmp_path / "rec", offset="clock")
+    assert [sensor.frames[0].time_s for sensor in recording.sensors] == [0.0, 0.0]
+    with pytest.raises(RecordingError, match="as many different names"):
+        import_recording(paths, tmp_path / "rec", offset="clock", sensor_names=["left", "left"], overwrite=True)
+
+
+def test_an_offset_must_be_a_number_or_a_way_to_find_it(tmp_path):
+    for text in ("soon", "nan"):
+        arguments = [str(FILES / "realsense.db3"), "--out", str(tmp_path / "rec"), "--offset", text]
+        assert CliRunner().invoke(import_command, arguments).exit_code == 2
