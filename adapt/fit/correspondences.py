@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats, Ints
+from adapt.fit.nearest import PointGrid
 from capture.camera import project
 from capture.fuse import Cloud, View
 from capture.rigid import apply, inverse
@@ -44,18 +44,18 @@ class Correspondences:
 
 @dataclass(frozen=True)
 class Target:
-    """A cloud prepared for many searches: one tree per sensor."""
+    """A cloud prepared for many searches: one grid per sensor."""
 
     cloud: Cloud
 
     @cached_property
-    def parts(self) -> list[tuple[View, Ints, cKDTree]]:
-        """View, indices of its points in the cloud, and their tree; sensors that saw nothing are left out."""
+    def parts(self) -> list[tuple[View, Ints, PointGrid]]:
+        """View, indices of its points in the cloud, and their grid; sensors that saw nothing are left out."""
         parts = []
         for number, view in enumerate(self.cloud.views):
             index: Ints = np.flatnonzero(self.cloud.sensor == number)
             if len(index):
-                parts.append((view, index, cKDTree(self.cloud.points[index])))
+                parts.append((view, index, PointGrid(self.cloud.points[index])))
         return parts
 
 
@@ -110,9 +110,9 @@ def find_corres(
     best = np.full(len(eligible), np.inf)
     match = np.full(len(eligible), -1, dtype=np.int64)
     points, facing = vertices[eligible], normals[eligible]
-    for view, index, tree in target.parts:
+    for view, index, grid in target.parts:
         seen = np.flatnonzero(visible_from(view, points, facing))
-        distance, nearest = tree.query(points[seen], distance_upper_bound=gate_m)
+        distance, nearest = grid.query(points[seen], distance_upper_bound=gate_m)
         closer = distance < best[seen]
         best[seen[closer]] = distance[closer]
         match[seen[closer]] = index[nearest[closer]]

@@ -15,6 +15,9 @@ from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.deformers import Bound, bind, carry, riding
 from adapt.model.frames import frame_from_landmarks, landmark_mean
 from adapt.model.handles import AffineSet, affine_set, deform, deform_varying, handle_positions, local_scale
+from adapt.model.hot.chain import Chain
+from adapt.model.hot.prepared import prepare_chain, prepare_skin
+from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
 from adapt.model.variation import Motion, Points, constant_points, still_points
 from capture.errors import AnatomyError
@@ -66,6 +69,12 @@ class Body:
         return rides
 
     @cached_property
+    def prepared(self) -> tuple[Chain, BoundSkin, Ints]:
+        """The same for the compiled loops, with the joints, and the rows (V,) of the whole skin."""
+        skin = prepare_skin(self.anatomy, self.bound_skin)
+        return prepare_chain(self.anatomy, self.p.value), skin, np.arange(len(self.v_hat))
+
+    @cached_property
     def rest_bones(self) -> dict[str, Floats]:
         """Rest surface (N, 3) of every bone, deformed inside the bone's own tetrahedra."""
         positions = handle_positions(self.anatomy)
@@ -105,14 +114,17 @@ def rest_theta(body: Body) -> Floats:
 
 def pose_skin(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Floats:
     """Posed skin v (V, 3) in metres, or only some ``vertices`` of it."""
-    return _blend(body.anatomy, _still_motions(body, theta), _bound(body, vertices), vertices, columns=0).value
+    chain, skin, everything = body.prepared
+    rows = everything if vertices is None else vertices
+    return pose_rows(chain, skin, np.asarray(theta, dtype=np.float64), rows, varying=False)[0]
 
 
 def pose_skin_varying(body: Body, theta: Floats, *, with_shape: bool = False, vertices: Ints | None = None) -> Points:
     """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (last columns)."""
     if not with_shape:
-        motions = _motions(body, theta)
-        return _blend(body.anatomy, motions, _bound(body, vertices), vertices, columns=len(theta))
+        chain, bound_skin, everything = body.prepared
+        rows = everything if vertices is None else vertices
+        return Points(*pose_rows(chain, bound_skin, np.asarray(theta, dtype=np.float64), rows, varying=True))
     skin = body.v_tilde if vertices is None else body.v_tilde.at(vertices)
     p, skin = (_after_theta(points, len(theta)) for points in (body.p, skin))
     bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
@@ -185,10 +197,6 @@ def _touched(share: Floats) -> Ints | slice:
     """Where a deformer has weight (N,); everywhere if that is mostly so, because picking costs more than it saves."""
     rows = np.flatnonzero(share)
     return rows if len(rows) < 0.5 * len(share) else slice(None)
-
-
-def _bound(body: Body, vertices: Ints | None) -> Sequence[Bound]:
-    return body.bound_skin if vertices is None else [bound.at(vertices) for bound in body.bound_skin]
 
 
 def _after_theta(points: Points, n_theta: int) -> Points:

@@ -63,6 +63,17 @@ def spline_motion(anatomy: Anatomy, joint: Joint, q: float, p: Points, column: i
     return compose(_along(prepared.basis, controls, q, column), to_rest)
 
 
+def spline_cubics(anatomy: Anatomy, joint: Joint, p: Points) -> tuple[Floats, Floats, Motion]:
+    """The joint of a body whose landmarks do not vary: knots (K,), cubics (4, K - 1, 6) of r and o, and G(q_rest)^-1.
+
+    The cubics are of q - knot, the highest power first.
+    """
+    prepared = _prepare(anatomy, joint)
+    landmarks = p.value[prepared.landmarks]
+    controls, to_rest = _controls_and_rest(prepared, landmarks, np.zeros((*landmarks.shape, 0)))
+    return prepared.basis.x, prepared.basis.c @ np.concatenate([controls.r, controls.o], axis=1), to_rest
+
+
 def _along(basis: CubicSpline, controls: _Controls, q: float, column: int | None) -> Motion:
     """G(q), varying with the landmarks and, if given a column, with q."""
     b, slope = basis_at(basis, q)

@@ -1,0 +1,161 @@
+"""The chain of joints (adapt.model.kinematics) for one body: from theta to every bone's motion and its derivatives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from adapt.anatomy import Floats, Ints
+from adapt.model.hot.rotations import add_cross, add_product, exp, left_jacobian, turn
+from capture.compiled import compiled
+
+FREE, TURN, SPLINE = 0, 1, 2
+
+
+class Chain(NamedTuple):
+    """S elementary motions, parents before children: H = G(q) A, T_bone = T_before H.
+
+    A joint with several axes is several turns, each with the bone that the one before has moved as its ``before``.
+    ``before`` is -1 where the motion starts from the recording's frame.
+    """
+
+    kind: Ints  # (S,)
+    before: Ints  # (S,) bone
+    bone: Ints  # (S,)
+    coordinates: Ints  # (S, 6) where q stands in theta; all six of a free joint, else the first
+    rest: Floats  # (S,) of a turn: q at rest
+    point: Floats  # (S, 3) of a turn: on its axis
+    direction: Floats  # (S, 3) of a turn
+    knots: Floats  # (S, K) of a spline, the last repeated to fill the row
+    pieces: Floats  # (S, 4, K - 1, 6) of a spline: r (rad) and o (m) as cubics of q - knot, highest power first
+    after_rotation: Floats  # (S, 3, 3) of A
+    after_translation: Floats  # (S, 3)
+
+
+class Bones(NamedTuple):
+    """Motions of B bones with their derivatives by n coordinates, as in ``adapt.model.variation.Motion``.
+
+    The last one is no bone but the recording's frame, which stays where it is.
+    """
+
+    rotation: Floats  # (B, 3, 3)
+    translation: Floats  # (B, 3)
+    d_rotation: Floats  # (B, 3, n)
+    d_translation: Floats  # (B, 3, n)
+
+
+class _Step(NamedTuple):
+    """One elementary motion H, with the derivatives of its rotation and translation by its own coordinates."""
+
+    rotation: Floats  # (3, 3)
+    translation: Floats  # (3,)
+    d_rotation: Floats  # (3, 6)
+    d_translation: Floats  # (3, 6)
+
+
+def move_bones(chain: Chain, theta: Floats) -> Bones:
+    """T_b of every bone."""
+    n, count = len(theta), int(chain.bone.max()) + 2
+    bones = Bones(np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3, n)), np.zeros((count, 3, n)))
+    bones.rotation[-1] = np.eye(3)
+    room = _Step(np.zeros((3, 3)), np.zeros(3), np.zeros((3, 6)), np.zeros((3, 6)))
+    outer = _Step(np.zeros((3, 3)), np.zeros(3), np.zeros((3, n)), np.zeros((3, n)))
+    _move(chain, theta, bones, room, outer, np.zeros(3), np.zeros((3, 3)))
+    return bones
+
+
+@compiled
+def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: Floats, g: Floats) -> None:
+    for s in range(len(chain.kind)):
+        for i in range(3):
+            for c in range(6):
+                h.d_rotation[i, c], h.d_translation[i, c] = 0.0, 0.0
+        own = 1
+        if chain.kind[s] == FREE:
+            own = 6
+            for i in range(3):
+                q[i] = theta[chain.coordinates[s, i]]
+                h.translation[i] = theta[chain.coordinates[s, 3 + i]]
+                h.d_translation[i, 3 + i] = 1.0
+            exp(q, g)
+            left_jacobian(q, h.d_rotation)  # fills the first three columns
+        elif chain.kind[s] == TURN:
+            _turn(chain.direction[s], chain.point[s], theta[chain.coordinates[s, 0]] - chain.rest[s], h, q, g)
+        else:
+            _glide(chain.knots[s], chain.pieces[s], theta[chain.coordinates[s, 0]], h, q, g)
+        turn(g, chain.after_translation[s], q)
+        add_cross(q, h.d_rotation, -1.0, h.d_translation)
+        for i in range(3):
+            h.translation[i] += q[i]
+            for j in range(3):
+                h.rotation[i, j] = 0.0
+        add_product(g, chain.after_rotation[s], h.rotation)
+        _put_after(bones, chain.before[s], chain.bone[s], h, outer, q)
+        for c in range(own):
+            column = chain.coordinates[s, c]
+            for i in range(3):
+                for j in range(3):
+                    bones.d_rotation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_rotation[j, c]
+                    bones.d_translation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_translation[j, c]
+
+
+@compiled
+def _turn(direction: Floats, point: Floats, angle: float, h: _Step, q: Floats, g: Floats) -> None:
+    """A turn about the line through ``point``: x' = R (x - point) + point; R goes to ``g``."""
+    for i in range(3):
+        q[i] = angle * direction[i]
+    exp(q, g)
+    turn(g, point, q)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        h.translation[i] = point[i] - q[i]
+        h.d_rotation[i, 0] = direction[i]
+        h.d_translation[i, 0] = q[j] * direction[k] - q[k] * direction[j]
+
+
+@compiled
+def _glide(knots: Floats, pieces: Floats, at: float, h: _Step, q: Floats, g: Floats) -> None:
+    """G of a spline joint at a coordinate's value, in straight lines beyond the outermost knots; R goes to ``g``."""
+    nearest = min(max(at, knots[0]), knots[-1])
+    piece = 0
+    while piece < pieces.shape[1] - 1 and nearest > knots[piece + 1]:
+        piece += 1
+    x = nearest - knots[piece]
+    for j in range(6):
+        a, b, c, d = pieces[0, piece, j], pieces[1, piece, j], pieces[2, piece, j], pieces[3, piece, j]
+        slope = (3.0 * a * x + 2.0 * b) * x + c
+        value = ((a * x + b) * x + c) * x + d + (at - nearest) * slope
+        if j < 3:
+            q[j], h.translation[j] = value, slope  # the slope waits there for the Jacobian
+        else:
+            h.d_translation[j - 3, 0] = slope
+    left_jacobian(q, g)
+    for i in range(3):
+        h.d_rotation[i, 0] = g[i, 0] * h.translation[0] + g[i, 1] * h.translation[1] + g[i, 2] * h.translation[2]
+    exp(q, g)
+    for j in range(3, 6):
+        a, b, c, d = pieces[0, piece, j], pieces[1, piece, j], pieces[2, piece, j], pieces[3, piece, j]
+        h.translation[j - 3] = ((a * x + b) * x + c) * x + d + (at - nearest) * h.d_translation[j - 3, 0]
+
+
+@compiled
+def _put_after(bones: Bones, before: int, bone: int, h: _Step, outer: _Step, carried: Floats) -> None:
+    """T_bone = T_before H, with the derivatives that T_before brings; it is copied: it may be the same bone's."""
+    n = bones.d_rotation.shape[2]
+    for i in range(3):
+        outer.translation[i] = bones.translation[before, i]
+        for j in range(3):
+            outer.rotation[i, j] = bones.rotation[before, i, j]
+            bones.rotation[bone, i, j] = 0.0
+        for c in range(n):
+            outer.d_rotation[i, c] = bones.d_rotation[before, i, c]
+            outer.d_translation[i, c] = bones.d_translation[before, i, c]
+    turn(outer.rotation, h.translation, carried)
+    add_product(outer.rotation, h.rotation, bones.rotation[bone])
+    for i in range(3):
+        bones.translation[bone, i] = outer.translation[i] + carried[i]
+        for c in range(n):
+            bones.d_rotation[bone, i, c] = outer.d_rotation[i, c]
+            bones.d_translation[bone, i, c] = outer.d_translation[i, c]
+    add_cross(carried, outer.d_rotation, -1.0, bones.d_translation[bone])

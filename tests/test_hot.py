@@ -1,0 +1,49 @@
+"""The compiled loops do what their twins in plain NumPy do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from adapt.anatomy import Anatomy, load_anatomy
+from adapt.fit.nearest import PointGrid
+from adapt.mirror import mirrored
+from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
+from adapt.model.handles import affine_set
+from tests.toy_anatomy import toy_anatomy
+
+
+def known_anatomy(name: str) -> Anatomy:
+    toys = {"toy": toy_anatomy, "mirrored toy": lambda: mirrored(toy_anatomy())}
+    return toys[name]() if name in toys else load_anatomy(name)
+
+
+@pytest.mark.parametrize("name", ["toy", "mirrored toy", "upper-limb-right", "lower-limb-left"])
+@pytest.mark.parametrize("spread", [0.0, 1e-6, 0.5, 2.5])  # far beyond the knots of a spline, too
+def test_the_posed_skin_and_its_derivatives_are_those_of_the_model(name: str, spread: float) -> None:
+    anatomy, rng = known_anatomy(name), np.random.default_rng(4)
+    identity = affine_set(anatomy).identity
+    v_hat = anatomy.skin_vertices + rng.normal(0.0, 0.002, anatomy.skin_vertices.shape)
+    body = make_body(anatomy, shape=identity + rng.normal(0.0, 0.02, len(identity)), v_hat=v_hat)
+    theta = rest_theta(body) + rng.uniform(-spread, spread, len(anatomy.coordinates))
+    rows = rng.choice(len(v_hat), len(v_hat) // 3, replace=False)
+    whole = pose_skin_varying(body, theta, with_shape=True)
+    fast = pose_skin_varying(body, theta, vertices=rows)
+    np.testing.assert_allclose(pose_skin(body, theta), whole.value, atol=1e-12)
+    np.testing.assert_allclose(pose_skin(body, theta, vertices=rows), whole.value[rows], atol=1e-12)
+    np.testing.assert_allclose(fast.value, whole.value[rows], atol=1e-12)
+    np.testing.assert_allclose(fast.d, whole.d[rows][:, :, : len(theta)], atol=1e-9)
+
+
+@pytest.mark.parametrize("bound", [np.inf, 0.03, 0.001])
+@pytest.mark.parametrize("shape", ["slab", "line", "point", "wide"])
+def test_a_grid_finds_the_neighbours_that_a_tree_finds(shape: str, bound: float) -> None:
+    rng = np.random.default_rng(5)
+    extent = {"slab": (0.5, 0.3, 0.01), "line": (0.4, 0.0, 0.0), "point": (0.0, 0.0, 0.0), "wide": (20.0, 30.0, 9.0)}
+    points = rng.uniform(0.0, 1.0, (1 if shape == "point" else 800, 3)) * extent[shape] - 0.1
+    queries = np.concatenate([points + rng.normal(0.0, 0.01, points.shape), rng.uniform(-2.0, 2.0, (60, 3))])
+    distance, index = PointGrid(points).query(queries, distance_upper_bound=bound)
+    expected, nearest = cKDTree(points).query(queries, distance_upper_bound=bound)
+    np.testing.assert_allclose(distance, expected, atol=1e-12)
+    np.testing.assert_array_equal(index, nearest)
