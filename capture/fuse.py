@@ -13,7 +13,8 @@ from capture.background import background_planes, without_planes
 from capture.camera import Camera, ray_slopes
 from capture.errors import CloudError
 from capture.files import replaced_when_complete
-from capture.normals import Pixels, surface_at
+from capture.normals import surface_at
+from capture.patches import Pixels
 from capture.preprocess import Image, Mask, boundary, clean_depth, valid_window
 from capture.recording import Instant, Recording, Region, read_depth, world_from_sensor
 from capture.region import automatic_region

@@ -11,6 +11,7 @@ from adapt.fit.nearest import PointGrid
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
+from capture.patches import fit_patches, fit_patches_by_arrays
 from tests.toy_anatomy import toy_anatomy
 
 
@@ -47,3 +48,13 @@ def test_a_grid_finds_the_neighbours_that_a_tree_finds(shape: str, bound: float)
     expected, nearest = cKDTree(points).query(queries, distance_upper_bound=bound)
     np.testing.assert_allclose(distance, expected, atol=1e-12)
     np.testing.assert_array_equal(index, nearest)
+
+
+def test_the_patches_of_a_ragged_depth_image_are_those_of_plain_arrays() -> None:
+    rng = np.random.default_rng(6)
+    row, column = np.mgrid[:60, :80]
+    depth = (1.0 + 0.002 * row + 0.1 * (column > 40) + 0.003 * rng.normal(size=row.shape)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.3] = 0.0
+    pixels = np.argwhere(depth > 0.0)  # up to the very edge
+    fits = [fit(depth, pixels, radius_px=7, focal_px=580.0) for fit in (fit_patches, fit_patches_by_arrays)]
+    np.testing.assert_allclose(fits[0], fits[1], atol=2e-5)
