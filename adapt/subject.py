@@ -11,11 +11,12 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, make_body
+from adapt.tissue import MODES
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, replaced_when_complete
 
 FORMAT = "bonetrack-subject"
-VERSION = 1
+VERSION = 2  # 1: the covariance is that of the shape alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,8 @@ class Subject:
     """A body, the poses it was adapted in, and what the fit said of itself.
 
     ``thetas`` (K, n) are the example poses and ``times`` (K,) their instants (s) in the recording;
-    ``covariance`` (m, m) is that of the shape; ``report`` is plain JSON.
+    ``covariance`` (m + q, m + q) is that of the shape and of the coefficients of the soft tissue (``adapt.tissue``),
+    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON.
     """
 
     body: Body
@@ -100,4 +102,9 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: 
         body = make_body(template, shape=arrays["shape"], v_hat=template.skin_vertices + arrays["displacement"])
     except AnatomyError as error:
         raise AnatomyError(error.problem, where=path, remedy="adapt the subject again") from error
-    return Subject(body, arrays["thetas"], arrays["times"], arrays["covariance"], description["report"])
+    covariance = arrays["covariance"]
+    if covariance.shape not in [(k, k) for k in (len(body.shape), len(body.shape) + MODES)]:
+        raise AnatomyError(
+            f"has a covariance of shape {covariance.shape}", where=path, remedy="adapt the subject again"
+        )
+    return Subject(body, arrays["thetas"], arrays["times"], covariance, description["report"])

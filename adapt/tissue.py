@@ -23,7 +23,7 @@ from adapt.model.surface import incidence, vertex_normals
 SHARE = 0.2  # standard deviation of the skin's displacement per depth of tissue (an assumption, not a measurement)
 DEEP_M = 0.02  # tissue deeper than this varies no more
 RANGE_M = 0.1  # skin farther apart than this varies independently (an assumption)
-_MODES = 150
+MODES = 150
 _SHIFT = 1.0  # 1/m^2: the constant mode's eigenvalue is 0, which a factorisation cannot have
 
 
@@ -72,10 +72,11 @@ def tissue_field(anatomy: Anatomy) -> TissueField:
     vertices, faces = anatomy.skin_vertices, anatomy.skin_faces
     stiffness = -sparse.csc_matrix(igl.cotmatrix(vertices, faces))
     mass = sparse.csc_matrix(igl.massmatrix(vertices, faces, igl.MASSMATRIX_TYPE_VORONOI))
-    mu, phi = eigsh(stiffness, k=min(_MODES, len(vertices) - 2), M=mass, sigma=-_SHIFT, v0=np.ones(len(vertices)))
+    mu, phi = eigsh(stiffness, k=min(MODES, len(vertices) - 2), M=mass, sigma=-_SHIFT, v0=np.ones(len(vertices)))
     kappa2 = 8.0 / RANGE_M**2
     spread = np.sqrt(4.0 * np.pi * kappa2) / (kappa2 + np.maximum(mu, 0.0))
     sigma = np.maximum(tissue_deviation(anatomy), 1e-6)
+    phi = phi * _signs(mass @ phi)
     unit = spread * phi
     left_out = np.sqrt(np.maximum(0.0, 1.0 - (unit**2).sum(axis=1)))
     return TissueField(
@@ -84,3 +85,13 @@ def tissue_field(anatomy: Anatomy) -> TissueField:
         remainder=sigma * left_out,
         projection=(phi / spread).T @ (mass @ sparse.diags(1.0 / sigma)),
     )
+
+
+def _signs(weighted: Floats) -> Floats:
+    """Signs (K,) that make modes (V, K), weighted by area, the same wherever they are worked out.
+
+    An eigenvector's sign is arbitrary, but subjects' files hold covariances of the coefficients. Each mode is turned
+    to agree with one random field, with which none is likely to be uncorrelated.
+    """
+    field = np.random.default_rng(0).normal(size=len(weighted))
+    return np.asarray(np.where(field @ weighted < 0.0, -1.0, 1.0))

@@ -26,7 +26,7 @@ from adapt.model.body import (
 )
 from adapt.model.handles import affine_set
 from adapt.subject import Subject, load_subject, save_subject
-from adapt.tissue import tissue_deviation
+from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import AnatomyError
 from capture.rigid import apply, exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
@@ -224,6 +224,12 @@ def test_an_unknown_anatomy_is_told_with_both_sides(tmp_path):
     for name in ("tail", "lower-limb-middle", tmp_path / "none.npz"):
         with pytest.raises(AnatomyError, match=r"upper-limb-left, upper-limb-right"):
             load_anatomy(name)
+
+
+def test_a_coefficient_of_tissue_means_the_same_on_both_sides(arm, left):
+    """Files hold covariances of the coefficients, so the modes may not depend on what a solver makes of their signs."""
+    right = tissue_field(arm).modes
+    np.testing.assert_allclose(tissue_field(left).modes, right, atol=1e-6 * np.abs(right).max())
 
 
 def test_tissue_random_bodies_and_motions_are_the_same_on_both_sides(arm, left):

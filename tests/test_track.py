@@ -29,10 +29,10 @@ from track.tracker import (
     TrackerState,
     advance,
     make_tracker,
-    pose_covariance,
     pose_difference,
     predict,
 )
+from track.uncertainty import pose_covariance
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from adapt.fit.pose import fit_pose
+from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres, pose_skin, posed_bones, rest_theta
 from adapt.subject import load_subject, save_subject
 from capture.errors import AnatomyError
@@ -24,6 +26,7 @@ from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.run import write_motion_folder
 from track.shown import skin_shown
+from track.uncertainty import pose_covariance
 from track.view.charts import plot_angles
 
 LOST = 3
@@ -238,6 +241,27 @@ def rewritten(path, **changes):
             description[key] = value
     arrays["description"] = np.array(json.dumps(description))
     np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
+
+
+def test_a_subject_of_the_first_format_tells_of_its_shape_alone(tmp_path, limb):
+    """Files of version 1 hold the shape's covariance only; tracking goes on as it did with them."""
+    m = len(limb.subject.body.shape)
+    path = tmp_path / "subject.npz"
+    save_subject(replace(limb.subject, covariance=np.eye(m + 150)), path)
+    assert len(load_subject(path).covariance) == m + 150
+    rewritten(path, version=1, covariance=2e-6 * np.eye(m))
+    old = load_subject(path)
+    np.testing.assert_array_equal(old.covariance, 2e-6 * np.eye(m))
+    sample = sample_skin(old.anatomy, at_most=1500)
+    fit = fit_pose(old.body, limb.targets[2], limb.thetas[2], sample, updates=1)
+    assert (np.diag(pose_covariance(old, fit, sample)) > 0.0).all()
+
+
+def test_a_subject_with_a_covariance_of_something_else_is_refused(tmp_path, limb):
+    path = tmp_path / "subject.npz"
+    save_subject(replace(limb.subject, covariance=np.eye(7)), path)
+    with pytest.raises(AnatomyError, match=r"\(7, 7\).*adapt the subject again"):
+        load_subject(path)
 
 
 WRONG_FILES = {

@@ -14,16 +14,15 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
-from adapt.fit.least_squares import SIGMA_M, data_term
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundSkin, find_skin, score_pose
 from adapt.fit.start import locate
-from adapt.model.body import pose_skin_varying
 from adapt.subject import Subject
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
 from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen, fits, shows
+from track.uncertainty import pose_covariance
 
 SAMPLED_VERTICES = 2000
 ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
@@ -224,23 +223,6 @@ def advance(anatomy: Anatomy, theta: Floats, step: Floats) -> Floats:
     for index in _free_rotations(anatomy):
         moved[index] = log_so3(exp_so3(step[index]) @ exp_so3(theta[index]))
     return moved
-
-
-def pose_covariance(subject: Subject, fit: PoseFit, sample: SkinSample) -> Floats:
-    """Covariance (n, n) of a fitted pose: from the data's noise, and from what is not known of the shape.
-
-    Noise: the inverse normal matrix, scaled by how well the skin fits. Shape: an error ds of the shape makes the
-    best pose err by -H_tt^-1 H_ts ds.
-    """
-    n = len(fit.theta)
-    index = fit.matches.vertex
-    weights = sample.observations[index]
-    skin = pose_skin_varying(subject.body, fit.theta, with_shape=True, vertices=index)
-    hessian = data_term(skin, fit.matches, weights).hessian
-    noise = np.linalg.inv(hessian[:n, :n] + 1e-6 * np.eye(n))
-    misfit = float(np.average(fit.distances**2, weights=weights)) / SIGMA_M**2
-    lever = noise @ hessian[:n, n:]
-    return np.asarray(max(misfit, 0.05) * noise + lever @ subject.covariance @ lever.T)
 
 
 def _free_rotations(anatomy: Anatomy) -> list[list[int]]:

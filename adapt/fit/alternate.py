@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from adapt.anatomy import Floats
+from adapt.fit.certainty import body_covariance, unseen_noise
 from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise, trusted
@@ -28,13 +29,15 @@ Progress = Callable[[str], None]
 class Adaptation:
     """An adapted body, its K example poses and how well each is explained.
 
-    ``noise_m`` is the standard deviation by which a patch of skin and the cloud still disagree.
+    ``noise_m`` is the standard deviation by which a patch of skin and the cloud still disagree, ``unseen_noise_m`` the
+    same in clouds that the body was not adapted to, None where there were none.
     """
 
     body: Body
     fits: list[PoseFit]
-    covariance: Floats = field(repr=False)  # (m, m) of the shape
+    covariance: Floats = field(repr=False)  # (m + q, m + q) of shape and soft tissue
     noise_m: float
+    unseen_noise_m: float | None
 
     @property
     def thetas(self) -> Floats:
@@ -49,21 +52,23 @@ def adapt_body(
     *,
     outer_rounds: int = _OUTER_ROUNDS,
     optimise_skin: bool = True,
+    unseen: Sequence[tuple[Target, Floats]] = (),
     progress: Progress = lambda _: None,
 ) -> Adaptation:
     """Adapt ``body`` to K clouds from first poses ``thetas`` (K, n).
+
+    ``unseen`` are further clouds with poses near theirs (n,): not adapted to, they tell how much to believe the others.
 
     Raises:
         FitError: a pose finds too few correspondences.
     """
     sample = sample_skin(body.anatomy)
     bony = weighted_by_tissue(sample, body.anatomy)
-    covariance = np.zeros((len(body.shape), len(body.shape)))
     noise_m = SIGMA_M
     for outer in range(outer_rounds):
         progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
         fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m))
-        body, thetas, covariance = fitted.body, fitted.thetas, fitted.covariance
+        body, thetas = fitted.body, fitted.thetas
         if not optimise_skin:
             continue  # what the skin alone could explain would pass for noise
         progress(f"round {outer + 1} of {outer_rounds}: skin")
@@ -76,4 +81,7 @@ def adapt_body(
         noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
     progress("final poses")
     fits = [fit_pose(body, target, theta, sample) for target, theta in zip(targets, thetas, strict=True)]
-    return Adaptation(body, fits, covariance, noise_m)
+    progress("how sure the body is")
+    unseen_noise_m = unseen_noise(body, unseen)
+    covariance = body_covariance(body, fits, noise_m=noise_m if unseen_noise_m is None else unseen_noise_m)
+    return Adaptation(body, fits, covariance, noise_m, unseen_noise_m)

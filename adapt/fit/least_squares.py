@@ -13,6 +13,7 @@ from adapt.model.variation import Points
 
 SEARCH_PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point, as in the paper: forgiving from far away,
 PLANE_WEIGHT = 100.0  # but sliding along the skin creeps: from near by the points count less
+CERTAINTY_PLANE_WEIGHT = 1e4  # nearest points follow the skin when it slides: they hardly tell where along it a pose is
 SIGMA_M = 0.002  # what one independent patch of surface disagrees by where the skin is known
 _MOST_REFUSED = 8
 PATCH_M2 = 0.03**2  # errors of neighbouring points are alike: this much skin counts as one observation

@@ -85,11 +85,13 @@ def adapt_recording(
             where=recording.path,
             remedy="record more poses, narrow the region, or give first poses",
         )
+    others: list[_Candidate] = []
     if frames is None:
         progress("choosing example poses")
-        body, usable = _choose(body, usable, sample, poses)
+        body, usable, others = _choose(body, usable, sample, poses)
     targets, thetas = [c.target for c in usable], np.array([c.pose.fit.theta for c in usable])
-    adaptation = adapt_body(body, targets, thetas, progress=progress)
+    unseen = [(c.target, c.pose.fit.theta) for c in others]
+    adaptation = adapt_body(body, targets, thetas, unseen=unseen, progress=progress)
     _refuse_a_collapsed_body(adaptation.body, recording)
     return _subject(adaptation, usable)
 
@@ -111,8 +113,10 @@ def _plausible(candidates: list[_Candidate]) -> list[_Candidate]:
     return [c for c in candidates if c.pose.skin_m < min(_TOLERABLE_M, _CLEARLY * typical)]
 
 
-def _choose(body: Body, candidates: list[_Candidate], sample: SkinSample, poses: int) -> tuple[Body, list[_Candidate]]:
-    """A first shape, and the example poses chosen with it.
+def _choose(
+    body: Body, candidates: list[_Candidate], sample: SkinSample, poses: int
+) -> tuple[Body, list[_Candidate], list[_Candidate]]:
+    """A first shape, the example poses chosen with it, and the usable candidates not chosen.
 
     The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, the
     doubtful ones also from their neighbours' poses, and those that still fit worse than the rest are left out.
@@ -129,7 +133,7 @@ def _choose(body: Body, candidates: list[_Candidate], sample: SkinSample, poses:
     kept = _plausible(again)
     kept = kept if len(kept) >= poses else again
     chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses)
-    return first.body, [kept[k] for k in sorted(chosen)]
+    return first.body, [kept[k] for k in sorted(chosen)], [c for k, c in enumerate(kept) if k not in set(chosen)]
 
 
 def _posed_again(body: Body, candidate: _Candidate, starts: list[_Candidate], sample: SkinSample) -> _Candidate:
@@ -255,7 +259,7 @@ def _given(body: Body, target: Target, sample: SkinSample, theta: Floats) -> Sco
 
 def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
     """How large the body is at each joint against the template, with one standard deviation."""
-    deviations = np.sqrt(np.diag(adaptation.covariance))[::4]
+    deviations = np.sqrt(np.diag(adaptation.covariance))[: len(adaptation.body.shape) : 4]
     return {
         joint: {"scale": float(scale), "sd": float(deviation)}
         for joint, scale, deviation in zip(
@@ -283,6 +287,7 @@ def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:
             for candidate, fit, score in zip(used, adaptation.fits, scores, strict=True)
         ],
         "noise_mm": 1e3 * adaptation.noise_m,
+        "unseen_noise_mm": None if adaptation.unseen_noise_m is None else 1e3 * adaptation.unseen_noise_m,
         "scales": _scales(adaptation),
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],

@@ -80,7 +80,7 @@ def fit_shape(
         FitError: a pose finds too few correspondences.
     """
     anatomy, tissue = body.anatomy, tissue_field(body.anatomy)
-    fine, c = _split(body, tissue)
+    fine, c = split_tissue(body, tissue)
     of = Unknowns(len(body.shape), len(c), len(anatomy.coordinates))
     x = np.concatenate([body.shape, c, thetas.ravel()])
     gates = [gate_m] * len(targets)
@@ -102,7 +102,7 @@ def fit_shape(
     return ShapeFit(body, x[of.m + of.q :].reshape(len(targets), of.n), shape, len(x) - float(held))
 
 
-def _split(body: Body, tissue: TissueField) -> tuple[Floats, Floats]:
+def split_tissue(body: Body, tissue: TissueField) -> tuple[Floats, Floats]:
     """The skin (V, 3) without its coarse tissue, which is left as it is, and that tissue's coefficients (q,)."""
     c = tissue.coefficients(body.v_hat - body.anatomy.skin_vertices)
     return body.v_hat - tissue.displacement(c), c
@@ -116,7 +116,13 @@ def _body(body: Body, fine: Floats, tissue: TissueField, x: Floats, of: Unknowns
 
 
 def shape_energy(
-    body: Body, fine: Floats, matches: list[Correspondences], sample: SkinSample, of: Unknowns
+    body: Body,
+    fine: Floats,
+    matches: list[Correspondences],
+    sample: SkinSample,
+    of: Unknowns,
+    *,
+    plane_weight: float = PLANE_WEIGHT,
 ) -> Callable[[Floats], Quadratic]:
     """The energy of x with its arrow-shaped normal matrix, for fixed matches.
 
@@ -134,7 +140,7 @@ def shape_energy(
         gradient[of.tissue], hessian[of.tissue, of.tissue] = thickness, np.eye(of.q)
         for k, match in enumerate(matches):
             index = np.r_[of.pose(k), 0 : of.m, of.tissue]
-            data = _pose_data(moved, x[of.pose(k)], match, sample, tissue)
+            data = _pose_data(moved, x[of.pose(k)], match, sample, tissue, plane_weight)
             limits = range_term(body.anatomy, x[of.pose(k)])
             energy += data.energy + limits.energy
             gradient[index] += data.gradient
@@ -146,19 +152,21 @@ def shape_energy(
     return evaluate
 
 
-def _pose_data(body: Body, theta: Floats, match: Correspondences, sample: SkinSample, tissue: TissueField) -> Quadratic:
+def _pose_data(
+    body: Body, theta: Floats, match: Correspondences, sample: SkinSample, tissue: TissueField, plane_weight: float
+) -> Quadratic:
     """The data term of one pose by [theta, shape, tissue].
 
     A vertex moves with the tissue along one direction only, so the tissue's columns are never written out.
     """
     i, weights = match.vertex, sample.observations[match.vertex]
     skin = pose_skin_varying(body, theta, with_shape=True, vertices=i)
-    lean = data_term(skin, match, weights)
+    lean = data_term(skin, match, weights, plane_weight=plane_weight)
     by_v_hat = pose_skin_by_v_hat(body, theta, vertices=i)
     direction = np.matmul(by_v_hat.d, tissue.normals[i][:, :, None])[:, :, 0]
-    scale = weights / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2)
+    scale = weights / ((plane_weight + 1.0) * SIGMA_M**2)
     along = np.einsum("ij,ij->i", match.normal, direction)
-    pulled = scale[:, None] * (PLANE_WEIGHT * along[:, None] * match.normal + direction)  # metric times direction
+    pulled = scale[:, None] * (plane_weight * along[:, None] * match.normal + direction)  # metric times direction
     modes = tissue.modes[i]
     gradient = modes.T @ np.einsum("ij,ij->i", pulled, skin.value - match.target)
     cross = modes.T @ np.matmul(pulled[:, None, :], skin.d)[:, 0]

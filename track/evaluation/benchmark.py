@@ -38,7 +38,8 @@ from capture.preprocess import clean_depth
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import apply, exp_so3, inverse, log_so3
 from track.evaluation.errors import read_truth, world_from_common
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker, pose_covariance
+from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+from track.uncertainty import pose_covariance
 
 FRAME_TARGET_S = 0.150
 ADAPTATION_TARGET_S = 180.0  # of six poses

@@ -34,17 +34,25 @@ NOISES = {"carmine": carmine(), "none": NoiseModel()}
 
 
 def run_subject(
-    anatomy: Anatomy, seed: int, noise: str, seconds_each: float, folder: Path, *, tables: Sequence[Path] = ()
+    anatomy: Anatomy,
+    seed: int,
+    noise: str,
+    seconds_each: float,
+    folder: Path,
+    *,
+    tables: Sequence[Path] = (),
+    motions: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Simulate, calibrate, adapt, track and evaluate one random subject; returns the evaluation as plain JSON.
 
-    The subject moves as the ``tables`` say, or as the anatomy's made-up motions where there are none.
+    The subject moves as the ``tables`` say, or as the anatomy's made-up ``motions`` where there are none: all of them
+    if none is named.
     """
     body = random_body(anatomy, seed)
     performance = (
         perform_tables(body, tables, seconds_each=seconds_each, seed=seed)
         if tables
-        else perform(body, motion_names(anatomy), seconds_each=seconds_each, seed=seed)
+        else perform(body, tuple(motions) or motion_names(anatomy), seconds_each=seconds_each, seed=seed)
     )
     recording = simulate_performance(performance, folder / "recording", noise=NOISES[noise], seed=seed, overwrite=True)
     recording = calibrated(recording)
@@ -109,12 +117,22 @@ def show(results: list[dict[str, Any]], title: str, markdown: Path) -> None:
     type=click.Path(path_type=Path),
     help="A table of recorded joint angles to perform instead of the made-up motions; may be given several times.",
 )
+@click.option("--only", multiple=True, help="One of the made-up motions instead of all; may be given several times.")
 @click.option("--out", required=True, type=click.Path(path_type=Path))
 def main(
-    anatomy: str, subjects: int, first_seed: int, noise: str, seconds: float, tables: tuple[Path, ...], out: Path
+    anatomy: str,
+    subjects: int,
+    first_seed: int,
+    noise: str,
+    seconds: float,
+    tables: tuple[Path, ...],
+    only: tuple[str, ...],
+    out: Path,
 ) -> None:
     """Run the accuracy protocol and print its tables."""
     template = load_anatomy(anatomy)
+    if not set(only) <= set(motion_names(template)):
+        raise click.BadParameter(f"{anatomy} has the motions {', '.join(motion_names(template))}", param_hint="--only")
     for kind in NOISES if noise == "both" else [noise]:
         results = []
         for seed in range(first_seed, first_seed + subjects):
@@ -123,7 +141,7 @@ def main(
             if not done.is_file():
                 folder.mkdir(parents=True, exist_ok=True)
                 with stdout.status(f"subject {seed}, noise {kind}"):
-                    result = run_subject(template, seed, kind, seconds, folder, tables=tables)
+                    result = run_subject(template, seed, kind, seconds, folder, tables=tables, motions=only)
                 with replaced_when_complete(done) as partial:
                     partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
             results.append(json.loads(done.read_text(encoding="utf-8")))

@@ -1,0 +1,156 @@
+"""Stated deviations: what moves a best pose, how sure a body is, and that errors come out as often as claimed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from adapt.anatomy import Floats
+from adapt.fit.certainty import body_covariance, unseen_noise
+from adapt.fit.correspondences import Correspondences
+from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, PATCH_M2, levenberg_marquardt
+from adapt.fit.pose import PoseEnergy, PoseFit, fit_pose
+from adapt.fit.priors import shape_precision
+from adapt.fit.sample import SkinSample, sample_skin
+from adapt.model.body import Body, make_body, pose_skin
+from adapt.subject import Subject
+from adapt.tissue import tissue_field
+from tests.known_limb import bent
+from track.uncertainty import pose_covariance, pose_sensitivity
+
+
+@pytest.fixture(scope="module")
+def sample(arm) -> SkinSample:
+    return sample_skin(arm, at_most=1500)
+
+
+@pytest.fixture(scope="module")
+def covariance(limb) -> Floats:
+    """How sure a body is that was adapted to four frames of the recording, without error."""
+    whole = sample_skin(limb.subject.anatomy)
+    fits = [fit_pose(limb.subject.body, limb.targets[k], limb.thetas[k], whole, updates=1) for k in (0, 3, 6, 9)]
+    return body_covariance(limb.subject.body, fits, noise_m=0.0015)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A pose, and the front of its skin seen without error."""
+
+    body: Body
+    theta: Floats
+    matches: Correspondences
+
+    def refitted(self, body: Body, sample: SkinSample, *, shift: Floats | float = 0.0) -> PoseFit:
+        """Where another body comes to rest on the same skin, moved by ``shift`` (M,) along its normals."""
+        target = self.matches.target + np.asarray(shift)[..., None] * self.matches.normal
+        matches = replace(self.matches, target=target)
+        weights = sample.observations[matches.vertex]
+        energy = PoseEnergy(body, matches, weights, None, CERTAINTY_PLANE_WEIGHT)
+        theta = levenberg_marquardt(energy.quadratic, self.theta, steps=8, tolerance=1e-12, energy=energy.value)
+        apart = pose_skin(body, theta, vertices=matches.vertex) - target
+        return PoseFit(theta, matches, np.einsum("ij,ij->i", matches.normal, apart))
+
+
+def seen(body: Body, theta: Floats, sample: SkinSample) -> Seen:
+    skin = pose_skin(body, theta)
+    normals = sample.normals(skin)
+    front = sample.vertices[normals[sample.vertices] @ [0.8, 0.0, 0.6] > 0.1]
+    return Seen(body, theta, Correspondences(front, skin[front], normals[front], np.zeros(len(front))))
+
+
+def other_body(body: Body, change: Floats) -> Body:
+    """The body with its shape and its soft tissue (m + q,) changed."""
+    m, tissue = len(body.shape), tissue_field(body.anatomy)
+    return make_body(body.anatomy, shape=body.shape + change[:m], v_hat=body.v_hat + tissue.displacement(change[m:]))
+
+
+@pytest.mark.parametrize(("elbow", "twist"), [(30.0, 0.0), (95.0, 40.0)])
+def test_the_lever_is_how_a_changed_body_moves_its_best_pose(arm, sample, elbow, twist):
+    rng = np.random.default_rng(7)
+    pose = seen(make_body(arm), bent(make_body(arm), elbow, twist), sample)
+    fit = PoseFit(pose.theta, pose.matches, pose.matches.distance)
+    lever = pose_sensitivity(pose.body, fit, sample, with_tissue=True).by_body
+    m, q = len(pose.body.shape), tissue_field(arm).modes.shape[1]
+    of_shape, of_tissue = 1e-3 * np.r_[rng.normal(size=m), np.zeros(q)], 0.05 * np.r_[np.zeros(m), rng.normal(size=q)]
+    # The tissue is taken to grow along the posed skin's normals, which the deformers do not quite keep.
+    for change, share in ((of_shape, 0.01), (of_tissue, 0.05)):
+        one, other = (pose.refitted(other_body(pose.body, sign * change), sample).theta for sign in (1.0, -1.0))
+        expected = lever @ change
+        assert np.abs(expected).max() > 5e-4
+        np.testing.assert_allclose(0.5 * (one - other), expected, atol=share * np.abs(expected).max())
+
+
+def test_a_bodys_covariance_is_positive_and_smaller_than_what_was_known_before(limb, covariance):
+    body = limb.subject.body
+    m = len(body.shape)
+    np.testing.assert_array_equal(covariance, covariance.T)
+    assert (np.linalg.eigvalsh(covariance) > 0.0).all()
+    before = np.linalg.inv(shape_precision(body.anatomy, body.affine))
+    assert np.diag(covariance)[:m].sum() < 0.5 * np.diag(before).sum()
+    assert (np.diag(covariance)[m:] <= 1.0 + 1e-9).all()
+    assert np.diag(covariance)[m:].min() < 0.4
+
+
+def test_a_body_is_less_sure_the_noisier_its_clouds_are(limb, covariance):
+    whole = sample_skin(limb.subject.anatomy)
+    fits = [fit_pose(limb.subject.body, limb.targets[k], limb.thetas[k], whole, updates=1) for k in (0, 3, 6, 9)]
+    noisier = body_covariance(limb.subject.body, fits, noise_m=0.003)
+    assert (np.linalg.eigvalsh(noisier - covariance) > -1e-9).all()
+    assert np.trace(noisier) > 1.1 * np.trace(covariance)
+
+
+def test_unseen_noise_is_that_of_the_clouds_and_none_without_any(limb):
+    body = limb.subject.body
+    assert unseen_noise(body, []) is None
+    exact = unseen_noise(body, [(limb.targets[k], limb.thetas[k]) for k in (1, 5)])
+    assert exact is not None
+    assert exact < 0.0012
+    thicker = other_body(body, np.r_[np.zeros(len(body.shape)), 0.7 * np.ones(150)])
+    worse = unseen_noise(thicker, [(limb.targets[k], limb.thetas[k]) for k in (1, 5)])
+    assert worse is not None
+    assert worse > exact
+
+
+def test_a_poses_covariance_is_positive_and_grows_with_the_tissues(limb, covariance):
+    sample = sample_skin(limb.subject.anatomy, at_most=1500)
+    fit = fit_pose(limb.subject.body, limb.targets[2], limb.thetas[2], sample)
+    m = len(limb.subject.body.shape)
+    both = pose_covariance(replace(limb.subject, covariance=covariance), fit, sample)
+    shape_alone = pose_covariance(replace(limb.subject, covariance=covariance[:m, :m]), fit, sample)
+    for stated in (both, shape_alone):
+        np.testing.assert_array_equal(stated, stated.T)
+        assert (np.linalg.eigvalsh(stated) > 0.0).all()
+    assert np.sqrt(np.diag(both)[6:]).max() > 1.2 * np.sqrt(np.diag(shape_alone)[6:]).min()
+
+
+def z_scores(limb, covariance: Floats, stated_covariance: Floats, *, draws: int = 60) -> Floats:
+    """Errors in stated deviations (draws, n) of bodies drawn from ``covariance``, on skin with noisy patches."""
+    rng, body = np.random.default_rng(11), limb.subject.body
+    sample = sample_skin(body.anatomy, at_most=1500)
+    pose = seen(body, bent(body, 70.0, 20.0), sample)
+    cubes = np.floor(body.anatomy.skin_vertices[pose.matches.vertex] / np.sqrt(PATCH_M2)).astype(int)
+    _, patch = np.unique(cubes, axis=0, return_inverse=True)
+    factor, z = np.linalg.cholesky(covariance), []
+    for _ in range(draws):
+        wrong = other_body(body, factor @ rng.normal(size=len(covariance)))
+        shift = 0.0012 * rng.normal(size=patch.max() + 1)[patch.ravel()]
+        fit = pose.refitted(wrong, sample, shift=shift)
+        known = Subject(wrong, limb.subject.thetas, limb.subject.times, stated_covariance, {})
+        z.append((fit.theta - pose.theta) / np.sqrt(np.diag(pose_covariance(known, fit, sample))))
+    return np.array(z)
+
+
+def test_errors_come_out_as_often_as_their_deviations_claim(limb, covariance):
+    z = z_scores(limb, covariance, covariance)
+    spread = np.sqrt((z**2).mean(axis=0))
+    assert ((spread > 0.7) & (spread < 1.3)).all(), spread
+    assert 0.90 < (np.abs(z) < 2.0).mean() < 0.98
+    assert 0.60 < (np.abs(z) < 1.0).mean() < 0.76
+
+
+def test_without_the_tissue_they_would_claim_too_much(limb, covariance):
+    m = len(limb.subject.body.shape)
+    z = z_scores(limb, covariance, covariance[:m, :m], draws=30)
+    assert np.sqrt((z**2).mean()) > 1.2
