@@ -14,6 +14,7 @@ from capture.errors import BonetrackError
 from track.commands import demo_command, track_command
 from track.evaluation.commands import evaluate_command, simulate_command
 from track.export.commands import export_command
+from track.view.commands import report_command, view_command
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -33,6 +34,8 @@ for command in (
     track_command,
     evaluate_command,
     export_command,
+    view_command,
+    report_command,
 ):
     bonetrack.add_command(command)
 

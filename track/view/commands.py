@@ -1,0 +1,80 @@
+"""Commands: look at a recording, a subject or a motion in the browser, and write a motion's report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from capture.commands import as_region, region_option
+from capture.console import stdout
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command("view")
+@click.argument("source", type=_PATH)
+@click.option("--subject", type=_PATH, help="Who moves; a motion needs it.")
+@click.option("--recording", type=_PATH, help="The recording of a motion or a subject: adds points, and known truth.")
+@click.option("--html", type=_PATH, help="Write the scene as one HTML file that needs no network, and end.")
+@click.option(
+    "--poses",
+    type=_PATH,
+    default=Path("poses.json"),
+    show_default=True,
+    help="Where poses set by hand are kept (docs/view.md).",
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="0.0.0.0 lets other machines look, too.")
+@click.option("--port", default=8080, show_default=True, help="The first to try.")
+@region_option
+def view_command(
+    source: Path,
+    subject: Path | None,
+    recording: Path | None,
+    html: Path | None,
+    poses: Path,
+    host: str,
+    port: int,
+    region: tuple[float, ...] | None,
+) -> None:
+    """Look at SOURCE, a recording, a subject or a motion, in the browser: skin, bones, points, angles over time."""
+    from track.view.scene import open_scene
+
+    chosen = as_region(region)
+    if html is not None:
+        from track.view.embedded import write_embedded
+
+        scene = open_scene(source, subject=subject, recording=recording)
+        with stdout.status("collecting frames"):
+            frames = write_embedded(scene, html, region=chosen)
+        size = html.stat().st_size / 1e6
+        stdout.print(f"{frames} of {len(scene.times)} frames written to {html} ({size:.1f} MB)", highlight=False)
+        return
+    from track.view.viewer import Viewer, start_server
+
+    scene = open_scene(source, subject=subject, recording=recording)
+    server = start_server(host=host, port=port)
+    viewer = Viewer(server, scene, poses=poses, region=chosen)
+    stdout.print(f"open http://{server.get_host()}:{server.get_port()} in a browser; Ctrl+C ends", highlight=False)
+    try:
+        server.sleep_forever()
+    finally:
+        viewer.stop()
+
+
+@click.command("report")
+@click.argument("motion", type=_PATH)
+@click.option("--subject", required=True, type=_PATH, help="The subject that was tracked.")
+@click.option("--recording", type=_PATH, help="The recording that was tracked: adds what is known of it, and truth.")
+@click.option("--out", required=True, type=_PATH, help="The HTML file to write.")
+def report_command(motion: Path, subject: Path, recording: Path | None, out: Path) -> None:
+    """Write what tracking says of MOTION as one HTML page that needs no network."""
+    from adapt.subject import load_subject
+    from capture.recording import open_recording
+    from track.motion import load_motion
+    from track.view.report import write_report
+
+    opened = None if recording is None else open_recording(recording)
+    with stdout.status("writing the report"):
+        write_report(load_motion(motion), load_subject(subject), opened, out, title=motion.resolve().name)
+    stdout.print(f"report written to {out} ({out.stat().st_size / 1e6:.1f} MB)", highlight=False)

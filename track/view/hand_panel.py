@@ -1,0 +1,158 @@
+"""Set the pose of a frame by hand: a slider for each coordinate, a handle for the whole limb, a file to keep it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
+from capture.errors import BonetrackError
+from capture.rigid import exp_so3, log_so3
+from track.poses_by_hand import UNITS, HandPose, as_shown, from_shown, read_poses, write_poses
+
+if TYPE_CHECKING:
+    import viser
+
+_REACH_M = 0.5  # how far a translation's slider goes to either side of where it was set
+
+
+class HandPanel:
+    """Sliders in the GUI's current place. ``changed`` is called when there is another pose to show.
+
+    ``frame`` tells the frame that is shown, ``start`` the pose (n,) that setting begins from.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        anatomy: Anatomy,
+        path: Path,
+        *,
+        frame: Callable[[], int],
+        start: Callable[[], Floats],
+        changed: Callable[[], None],
+    ) -> None:
+        self._server, self._anatomy, self._path = server, anatomy, path
+        self._frame, self._start, self._changed = frame, start, changed
+        self._poses = {pose.frame: pose for pose in read_poses(path, anatomy)} if path.exists() else {}
+        self._theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])
+        self._setting = False
+        self._on = server.gui.add_checkbox(
+            "Show the pose set by hand", False, hint="Instead of the tracked pose of this frame"
+        )
+        self._take = server.gui.add_button("Begin from the pose of this frame")
+        self._sliders = [self._slider(coordinate) for coordinate in anatomy.coordinates]
+        self._root = next(joint for joint in anatomy.joints if joint.type == "free")
+        self._gizmo = server.scene.add_transform_controls("/hand", scale=0.15, visible=False, line_width=3.0)
+        self._name = server.gui.add_text("Name", "")
+        self._save = server.gui.add_button(f"Save into {path.name}")
+        self._told = server.gui.add_markdown(self._list())
+        self._on.on_update(lambda _: self._switched())
+        self._take.on_click(lambda _: self._begin())
+        self._save.on_click(lambda _: self._keep())
+        self._gizmo.on_update(lambda _: self._dragged())
+
+    @property
+    def theta(self) -> Floats | None:
+        """The pose (n,) set by hand, if it is to be shown."""
+        return self._theta.copy() if self._on.value else None
+
+    def _slider(self, coordinate: Coordinate) -> Any:
+        low, high = as_shown(coordinate, coordinate.low), as_shown(coordinate, coordinate.high)
+        step = 0.1 if UNITS[coordinate.unit] == "deg" else 0.001
+        slider = self._server.gui.add_slider(
+            f"{coordinate.name} ({UNITS[coordinate.unit]})", low, high, step, as_shown(coordinate, coordinate.rest)
+        )
+        slider.on_update(lambda _: self._slid())
+        return slider
+
+    def _switched(self) -> None:
+        self._gizmo.visible = bool(self._on.value)
+        if self._on.value:
+            self._begin()
+        else:
+            self._changed()
+
+    def _begin(self) -> None:
+        kept = self._poses.get(self._frame())
+        self._set(self._start() if kept is None else kept.theta)
+        self._name.value = f"frame {self._frame()}" if kept is None else kept.name
+        self._changed()
+
+    def _set(self, theta: Floats) -> None:
+        """Put a pose into the sliders and the handle."""
+        self._setting = True
+        try:
+            self._theta = self._inside(theta)
+            for slider, coordinate, value in zip(self._sliders, self._anatomy.coordinates, self._theta, strict=True):
+                shown = as_shown(coordinate, float(value))
+                if coordinate.unit == "m":  # a range of 20 m would make every step a jump
+                    slider.min, slider.max = round(shown - _REACH_M, 3), round(shown + _REACH_M, 3)
+                slider.value = shown
+            self._place_gizmo()
+        finally:
+            self._setting = False
+
+    def _inside(self, theta: Floats) -> Floats:
+        low = np.array([coordinate.low for coordinate in self._anatomy.coordinates])
+        high = np.array([coordinate.high for coordinate in self._anatomy.coordinates])
+        return np.asarray(np.clip(theta, low, high))
+
+    def _slid(self) -> None:
+        if self._setting:
+            return
+        pairs = zip(self._sliders, self._anatomy.coordinates, strict=True)
+        values = np.array([from_shown(coordinate, float(slider.value)) for slider, coordinate in pairs])
+        # A slider holds a rounded value: only those that a person moved count.
+        moved = np.abs(values - self._theta) > np.array([_step(c) for c in self._anatomy.coordinates])
+        self._theta = self._inside(np.where(moved, values, self._theta))
+        self._place_gizmo()
+        self._changed()
+
+    def _dragged(self) -> None:
+        if self._setting:
+            return
+        turn, shift = _free(self._anatomy, self._root)
+        theta = self._theta.copy()
+        theta[turn] = log_so3(Rotation.from_quat(np.asarray(self._gizmo.wxyz), scalar_first=True).as_matrix())
+        theta[shift] = np.asarray(self._gizmo.position)
+        self._set(theta)
+        self._changed()
+
+    def _place_gizmo(self) -> None:
+        turn, shift = _free(self._anatomy, self._root)
+        self._gizmo.wxyz = Rotation.from_matrix(exp_so3(self._theta[turn])).as_quat(scalar_first=True)
+        self._gizmo.position = self._theta[shift]
+
+    def _keep(self) -> None:
+        frame = self._frame()
+        others = {number: pose for number, pose in self._poses.items() if number != frame}
+        pose = HandPose(self._name.value.strip() or f"frame {frame}", frame, self._theta.copy())
+        try:
+            write_poses(self._path, self._anatomy, [*others.values(), pose])
+        except (BonetrackError, OSError) as error:
+            self._told.content = f"**Not saved**: {error}"
+            return
+        self._poses = others | {frame: pose}
+        self._told.content = self._list()
+
+    def _list(self) -> str:
+        if not self._poses:
+            return f"No pose saved yet in `{self._path}`."
+        rows = [f"- frame {pose.frame}: {pose.name}" for pose in sorted(self._poses.values(), key=lambda p: p.frame)]
+        return "\n".join([f"Saved in `{self._path}`:", "", *rows])
+
+
+def _step(coordinate: Coordinate) -> float:
+    """Half of a slider's step, in rad or m."""
+    return from_shown(coordinate, 0.051 if UNITS[coordinate.unit] == "deg" else 0.00051)
+
+
+def _free(anatomy: Anatomy, root: Joint) -> tuple[list[int], list[int]]:
+    """Places in theta of a free joint's rotation vector and of its translation."""
+    index = [anatomy.coordinate_index(name) for name in root.coordinates]
+    return index[:3], index[3:]

@@ -1,0 +1,302 @@
+"""The report of a motion: one HTML page that says who was tracked, how well, what moved how far, and what is unsure."""
+
+from __future__ import annotations
+
+import platform
+from html import escape
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Floats
+from adapt.model.body import rest_theta
+from adapt.subject import Subject
+from capture.files import replaced_when_complete
+from capture.recording import Recording
+from track.evaluation.errors import Evaluation, evaluate_motion
+from track.motion import Motion
+from track.poses_by_hand import UNITS, as_shown
+from track.view.measures import Girth, girths, lengths
+from track.view.page import bullets, chart, page, paragraph, picture, table
+from track.view.pictures import body_layers
+from track.view.render import framing_camera, look_at, render
+from track.view.report_charts import angle_chart, error_chart, quality_chart
+from track.view.scene import Scene, joint_coordinates, motion_scene, runs
+
+_NEAR_LIMIT_DEG = 1.0
+
+
+def write_report(motion: Motion, subject: Subject, recording: Recording | None, path: Path, *, title: str) -> None:
+    """Write the page.
+
+    Raises:
+        ReportError: plotly is not installed.
+        MotionError: motion, subject and recording do not belong together.
+    """
+    scene = motion_scene(motion, subject, recording, title=title)
+    evaluation = None
+    if recording is not None and scene.truth is not None:
+        evaluation = evaluate_motion(motion, subject, recording)
+    sections = [
+        ("Subject", _subject(subject)),
+        ("How well the subject fits", _fit(subject)),
+        ("Joint angles", _angles(scene)),
+        ("Range of motion", _ranges(scene)),
+        ("Quality over time", _quality(scene)),
+        ("What was lost", _lost(scene)),
+        *([("Errors against the truth", _errors(scene, evaluation))] if evaluation is not None else []),
+        ("Versions and settings", _versions(scene)),
+        ("Limits", bullets(_LIMITS)),
+    ]
+    text = page(f"Tracked motion, {motion.anatomy}", _lead(scene), sections)
+    with replaced_when_complete(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def _lead(scene: Scene) -> str:
+    motion = _motion(scene)
+    seconds = scene.times[-1] - scene.times[0]
+    tracked = int(motion.tracked.sum())
+    words = f"{escape(scene.title)}: {tracked} of {len(scene.times)} frames tracked, over {seconds:.2f} s."
+    if tracked:
+        middle = 1e3 * float(np.median(motion.residuals[motion.tracked]))
+        words += f" Skin and points are {middle:.2f} mm apart (median)."
+    return words
+
+
+def _subject(subject: Subject) -> str:
+    bones = [
+        [
+            row.bone,
+            row.ends,
+            f"{1e3 * row.length_m:.1f}",
+            f"{1e3 * row.sd_m:.1f}",
+            _against(row.length_m, row.template_m),
+        ]
+        for row in lengths(subject)
+    ]
+    around = [
+        [_place(row), f"{1e3 * row.girth_m:.0f}", _against(row.girth_m, row.template_m)] for row in girths(subject)
+    ]
+    head = ["bone", "measured from", "length (mm)", "± 1 SD (mm)", "against template"]
+    parts = [
+        _portrait(subject),
+        table("Lengths of bones, between landmarks of their long axes", head, bones),
+        table(
+            "Girths of the limb in the rest pose, as a tape around the skin reads, square to the bone",
+            ["where", "girth (mm)", "against template"],
+            around,
+        ),
+        paragraph(
+            "The template is the anatomy that the subject was adapted from. The SD of a length is what the "
+            "fit says of itself; girths have none stated."
+        ),
+    ]
+    return "\n".join(parts)
+
+
+def _place(row: Girth) -> str:
+    return f"{row.bone}, {100 * row.share:.0f} % of the way from {row.start}"
+
+
+def _against(value: float, template: float) -> str:
+    return f"{100.0 * (value / template - 1.0):+.1f} %"
+
+
+def _portrait(subject: Subject) -> str:
+    """The subject at rest from the front and from the side."""
+    theta = rest_theta(subject.body)
+    layers = body_layers(subject.body, theta)
+    skin = layers[-1].vertices
+    panels = []
+    for direction in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        eye = look_at(skin, direction, np.array([0.0, 1.0, 0.0]))
+        panels.append(render(layers, eye, framing_camera(eye, skin, width=420, height=520)))
+    words = f"The adapted {subject.anatomy.name} in its rest pose, translucent skin with bones inside: front and side."
+    return picture(np.concatenate(panels, axis=1), words)
+
+
+def _fit(subject: Subject) -> str:
+    report = subject.report
+    rows = [
+        [
+            f"{pose['time_s']:.3f}",
+            str(pose["matches"]),
+            f"{pose['median_distance_mm']:.2f}",
+            f"{pose['skin_to_cloud_mm']:.2f}",
+            f"{100.0 * pose['coverage']:.0f}",
+        ]
+        for pose in report["poses"]
+    ]
+    head = ["time (s)", "skin points matched", "median distance (mm)", "mean distance (mm)", "visible skin found (%)"]
+    sizes = [[name, f"{size['scale']:.3f}", f"{size['sd']:.3f}"] for name, size in report["scales"].items()]
+    unseen = report["landmarks_never_shown"]
+    parts = [
+        table("The example poses that the subject was adapted to: skin against points", head, rows),
+        table("Size at each joint against the template (1 is the template's)", ["joint", "size", "± 1 SD"], sizes),
+        paragraph(f"Skin and points disagree by {report['noise_mm']:.1f} mm in patches of 3 cm."),
+    ]
+    if unseen:
+        words = "No sensor saw the skin near these landmarks in any example pose, so their places are the template's "
+        parts.append(paragraph(f"{words}scaled: {', '.join(unseen)}."))
+    return "\n".join(parts)
+
+
+def _angles(scene: Scene) -> str:
+    names = ", ".join(coordinate.name for _, coordinate in joint_coordinates(_motion_subject(scene).anatomy))
+    words = "Dark band: ± 1 standard deviation; light band: ± 2. Red ground: not known."
+    if scene.truth is not None:
+        words += " Dashed: the known truth of the simulated recording."
+    return paragraph(words) + chart(angle_chart(scene), f"Joint angles over time with their uncertainty: {names}")
+
+
+def _ranges(scene: Scene) -> str:
+    motion, angles = _motion(scene), scene.angles()
+    rows = []
+    for i, coordinate in joint_coordinates(_motion_subject(scene).anatomy):
+        values, unit = angles[:, i], UNITS[coordinate.unit]
+        if not np.isfinite(values).any():
+            rows.append([f"{coordinate.name} ({unit})", *["–"] * 7])
+            continue
+        low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+        factor = as_shown(coordinate, 1.0)
+        cells = []
+        for k in (low, high):
+            cells += [f"{factor * values[k]:.1f} ± {factor * motion.deviations[k, i]:.1f}", f"{scene.times[k]:.2f}"]
+        near = (values - coordinate.low < _NEAR_LIMIT) | (coordinate.high - values < _NEAR_LIMIT)
+        cells += [
+            f"{factor * (values[high] - values[low]):.1f}",
+            f"{factor * coordinate.low:.0f} to {factor * coordinate.high:.0f}",
+            f"{100.0 * near.sum() / np.isfinite(values).sum():.0f}",
+        ]
+        rows.append([f"{coordinate.name} ({unit})", *cells])
+    head = [
+        "joint angle",
+        "least ± 1 SD",
+        "at (s)",
+        "largest ± 1 SD",
+        "at (s)",
+        "range",
+        "model's limits",
+        "at a limit (%)",
+    ]
+    return table("Least and largest value of the frames in which the angle is known", head, rows) + paragraph(
+        f"“At a limit” is the share of frames within {_NEAR_LIMIT_DEG:.0f} degree of what the model allows: there the "
+        "angle may be larger in truth."
+    )
+
+
+_NEAR_LIMIT = float(np.deg2rad(_NEAR_LIMIT_DEG))
+
+
+def _quality(scene: Scene) -> str:
+    words = "How far the skin is from the points, and how much of the skin that should be seen was found there."
+    return paragraph(words) + chart(quality_chart(scene), "Distance of skin and points, and coverage, over time")
+
+
+def _lost(scene: Scene) -> str:
+    motion = _motion(scene)
+    rows = []
+    for run in runs(~motion.tracked):
+        reasons = list(dict.fromkeys(motion.lost[run]))
+        why = reasons[0] if len(reasons) == 1 else f"{reasons[0]} (and {len(reasons) - 1} like reasons)"
+        rows.append([f"{scene.times[run][0]:.3f} to {scene.times[run][-1]:.3f}", str(run.stop - run.start), why])
+    parts = [paragraph("Every frame was tracked.")]
+    if rows:
+        parts = [table("Frames that were not tracked; their poses are not known", ["time (s)", "frames", "why"], rows)]
+    hidden = _hidden(scene)
+    if hidden:
+        head = ["bone", "frames", "times (s)"]
+        parts.append(table("Bones out of sight while the rest was tracked: their angles are not known", head, hidden))
+    return "\n".join(parts)
+
+
+def _hidden(scene: Scene) -> list[list[str]]:
+    motion = _motion(scene)
+    rows = []
+    for name, placed in motion.transforms.items():
+        unknown = motion.tracked & ~np.isfinite(placed).all(axis=(1, 2))
+        spans = [f"{scene.times[run][0]:.2f} to {scene.times[run][-1]:.2f}" for run in runs(unknown)]
+        if spans:
+            rows.append([name, str(int(unknown.sum())), ", ".join(spans)])
+    return rows
+
+
+def _errors(scene: Scene, evaluation: Evaluation) -> str:
+    rows = []
+    for row in evaluation.summaries():
+        covered = "" if row.covered is None else f"{100.0 * row.covered:.0f}"
+        rows.append(
+            [f"{row.name} ({row.unit})", *(f"{v:.2f}" for v in (row.mean, row.sd, row.rms, row.maximum)), covered]
+        )
+    head = ["error", "mean", "SD", "RMS", "largest", "within 2 stated SD (%)"]
+    words = "The recording is simulated, so the truth is known. Of a normal error 95 % should be within two SD."
+    about = "Errors of joint centres and joint angles over time"
+    return paragraph(words) + chart(error_chart(scene, evaluation), about) + table("Errors by kind", head, rows)
+
+
+def _versions(scene: Scene) -> str:
+    rows = [[name, _version(name)] for name in ("bonetrack", "numpy", "scipy", "plotly")]
+    rows.insert(1, ["Python", platform.python_version()])
+    subject = _motion_subject(scene)
+    rows.append(["anatomy", f"{subject.anatomy.name}, {len(subject.body.v_hat)} skin vertices"])
+    rows.append(["subject", f"adapted to {len(subject.thetas)} example poses"])
+    parts = [table("What made this page, and from what", ["what", "version"], rows)]
+    if scene.recording is not None:
+        parts.append(_recording(scene.recording))
+    return "\n".join(parts)
+
+
+def _recording(recording: Recording) -> str:
+    rows = []
+    for sensor in recording.sensors:
+        times = np.array([frame.time_s for frame in sensor.frames])
+        rate = f"{1.0 / np.median(np.diff(times)):.1f}" if len(times) > 1 else "–"
+        known = None if recording.calibration is None else recording.calibration.sensors.get(sensor.name)
+        residual = "–" if known is None else f"{known.residual_mm:.2f}"
+        size = f"{sensor.camera.width} x {sensor.camera.height}"
+        rows.append([sensor.name, size, str(len(times)), rate, residual])
+    head = ["sensor", "image", "frames", "frames a second", "calibration residual (mm)"]
+    region = "the automatic region"
+    if recording.region is not None:
+        region = f"the region {_corner(recording.region.minimum)} to {_corner(recording.region.maximum)} m"
+    return table(f"Recording {recording.path.name}", head, rows) + paragraph(
+        f"The recording states {region}; a region given to `bonetrack track` is not kept in the motion."
+        if recording.region is not None
+        else "The recording states no region of interest; an automatic one is used unless tracking was given another."
+    )
+
+
+def _corner(values: Floats) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in values) + ")"
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "run from a checkout"
+
+
+def _motion(scene: Scene) -> Motion:
+    if scene.motion is None:
+        raise TypeError("a report is of a motion")
+    return scene.motion
+
+
+def _motion_subject(scene: Scene) -> Subject:
+    if scene.subject is None:
+        raise TypeError("a report is of a subject")
+    return scene.subject
+
+
+_LIMITS = (
+    "Sensors see skin. Bones are placed by an anatomy model that was reshaped until its skin fits; how well they match "
+    "this person's own bones has not been measured.",
+    "A standard deviation says how far noise of the sensors and what is not known of the body's shape may move an "
+    "angle. It does not hold errors of the model itself: skin that slides, muscles that bulge, joints of another kind.",
+    "Where the model's joint limit is reached, the angle is held there.",
+    "Angles have OpenSim's zero, names and signs, not those of a clinic's protocol.",
+    "This is research software, not a medical device.",
+)
