@@ -53,6 +53,7 @@ def write_embedded(scene: Scene, path: Path, *, most_frames: int = MOST_FRAMES, 
     return len(chosen)
 
 
+_ORDINALS = {2: "2nd", 3: "3rd"}
 _ANY_PORT = 18080  # the first of which the server takes a free one
 
 
@@ -120,7 +121,7 @@ def _with_caption(page: str, scene: Scene, step: int) -> str:
     if scene.truth is not None:
         parts.append("true bones in green (off: switch on under the tree symbol)")
     if step > 1:
-        parts.append(f"every {step}th frame")
+        parts.append(f"every {_ORDINALS.get(step, f'{step}th')} frame")
     words = "; ".join(parts)
     caption = (
         "<div style='position:fixed;left:12px;top:12px;max-width:26rem;font:13px/1.4 sans-serif;color:#333;"

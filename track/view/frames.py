@@ -21,6 +21,7 @@ from track.evaluation.errors import distance_to_mesh
 from track.view.scene import Scene
 
 Single = NDArray[np.float32]
+_PATIENCE_S = 5.0  # for a thread to end
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +101,7 @@ class FrameStore:
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._wanted = threading.Event()
+        self._thread: threading.Thread | None = None
         self._from = 0
 
     def get(self, k: int) -> FrameContent:
@@ -123,7 +125,8 @@ class FrameStore:
 
     def make_ahead(self, then: Callable[[int], None]) -> None:
         """Begin making frames, from the one last looked at onwards; ``then`` is told of each."""
-        threading.Thread(target=self._run, args=(then,), daemon=True).start()
+        self._thread = threading.Thread(target=self._run, args=(then,), daemon=True)
+        self._thread.start()
 
     def look_at(self, k: int) -> None:
         """Frames from k on are wanted next."""
@@ -131,9 +134,11 @@ class FrameStore:
         self._wanted.set()
 
     def stop(self) -> None:
-        """End the thread."""
+        """End the thread, after the frame that it is at."""
         self._stopped.set()
         self._wanted.set()
+        if self._thread is not None:
+            self._thread.join(_PATIENCE_S)
 
     def _run(self, then: Callable[[int], None]) -> None:
         while not self._stopped.is_set():
@@ -143,7 +148,8 @@ class FrameStore:
                 self._wanted.clear()
                 continue
             self.get(number)
-            then(number)
+            if not self._stopped.is_set():
+                then(number)
 
     def _next(self) -> int | None:
         count = len(self._scene.times)

@@ -45,8 +45,12 @@ class HandPanel:
             "Show the pose set by hand", False, hint="Instead of the tracked pose of this frame"
         )
         self._take = server.gui.add_button("Begin from the pose of this frame")
-        self._sliders = [self._slider(coordinate) for coordinate in anatomy.coordinates]
         self._root = next(joint for joint in anatomy.joints if joint.type == "free")
+        where = set(self._root.coordinates)
+        sliders = {c.name: self._slider(c) for c in anatomy.coordinates if c.name not in where}
+        with server.gui.add_folder("Where the limb is (or drag the handle)", expand_by_default=False):
+            sliders |= {c.name: self._slider(c) for c in anatomy.coordinates if c.name in where}
+        self._sliders = [sliders[coordinate.name] for coordinate in anatomy.coordinates]
         self._gizmo = server.scene.add_transform_controls("/hand", scale=0.15, visible=False, line_width=3.0)
         self._name = server.gui.add_text("Name", "")
         self._save = server.gui.add_button(f"Save into {path.name}")
@@ -92,7 +96,7 @@ class HandPanel:
                 shown = as_shown(coordinate, float(value))
                 if coordinate.unit == "m":  # a range of 20 m would make every step a jump
                     slider.min, slider.max = round(shown - _REACH_M, 3), round(shown + _REACH_M, 3)
-                slider.value = shown
+                slider.value = round(shown, 3 if coordinate.unit == "m" else 1)
             self._place_gizmo()
         finally:
             self._setting = False

@@ -23,10 +23,10 @@ from track.view.scene import Scene, joint_coordinates
 if TYPE_CHECKING:
     import viser
 
-SKIN, BONE, TRUTH, PLAIN, FAR = (233, 178, 150), (226, 205, 160), (0, 158, 115), (60, 90, 150), (150, 150, 150)
+SKIN, BONE, TRUTH, PLAIN, FAR = (233, 178, 150), (238, 226, 196), (0, 158, 115), (60, 90, 150), (150, 150, 150)
 LARGEST_ERROR_M, FAR_M = 0.010, 0.020
 """Where the colours of the error end, and beyond which a point is taken for something else than the limb."""
-_FRAMED, _BESIDE, _AWAY = 5, np.deg2rad(-35.0), 2.1  # frames looked at, angle beside the line of sight, distances
+_FRAMED, _BESIDE, _AWAY = 5, np.deg2rad(-35.0), 2.7  # frames looked at, angle beside the line of sight, distances
 _FADED = 0.25  # opacity of a bone that did not show in its frame
 LAYERS = {
     "skin": "Skin",
@@ -217,8 +217,10 @@ def first_eye(scene: Scene, frames: FrameStore) -> Eye:
     if scene.recording is None:
         up, towards = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.25, 1.0])
     else:
-        sensor = world_from_sensor(scene.recording, scene.recording.sensors[0].name)
-        up, towards = -sensor[:3, 1], sensor[:3, 3] - middle
+        sensors = [world_from_sensor(scene.recording, sensor.name) for sensor in scene.recording.sensors]
+        # Sensors that look down from opposite sides tilt to either side: their mean is upright.
+        up = -np.sum([sensor[:3, 1] for sensor in sensors], axis=0)
+        up, towards = up / np.linalg.norm(up), sensors[0][:3, 3] - middle
         towards = Rotation.from_rotvec(_BESIDE * up).apply(towards)
     return Eye(middle + _AWAY * reach * towards / np.linalg.norm(towards), middle, up)
 

@@ -80,11 +80,21 @@ def _anchor(name: str) -> str:
     return "-".join("".join(c if c.isalnum() else " " for c in name.lower()).split())
 
 
-def _plotly_js() -> str:
+def refuse_without_plotly() -> None:
+    """Tell before the work, not after it.
+
+    Raises:
+        ReportError: plotly is not installed.
+    """
     try:
-        from plotly.offline import get_plotlyjs
+        import plotly.subplots  # noqa: F401
     except ImportError as error:
         raise ReportError("the report needs plotly", remedy="pip install 'bonetrack[view]'") from error
+
+
+def _plotly_js() -> str:
+    from plotly.offline import get_plotlyjs
+
     return str(get_plotlyjs())
 
 

@@ -18,7 +18,7 @@ from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
 from track.poses_by_hand import UNITS, as_shown
 from track.view.measures import Girth, girths, lengths
-from track.view.page import bullets, chart, page, paragraph, picture, table
+from track.view.page import bullets, chart, page, paragraph, picture, refuse_without_plotly, table
 from track.view.pictures import body_layers
 from track.view.render import framing_camera, look_at, render
 from track.view.report_charts import angle_chart, error_chart, quality_chart
@@ -34,6 +34,7 @@ def write_report(motion: Motion, subject: Subject, recording: Recording | None, 
         ReportError: plotly is not installed.
         MotionError: motion, subject and recording do not belong together.
     """
+    refuse_without_plotly()
     scene = motion_scene(motion, subject, recording, title=title)
     evaluation = None
     if recording is not None and scene.truth is not None:

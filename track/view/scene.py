@@ -155,7 +155,8 @@ def _at(recording: Recording, times: Floats) -> tuple[tuple[Instant, ...], tuple
 
 
 def _name(path: Path) -> str:
-    return path.resolve().name
+    whole = path.resolve()
+    return f"{whole.parent.name}/{whole.name}"
 
 
 def joint_coordinates(anatomy: Anatomy) -> list[tuple[int, Coordinate]]:

@@ -1,0 +1,231 @@
+from __future__ import annotations
+
+import base64
+import re
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from adapt.model.body import pose_skin
+from adapt.subject import save_subject
+from capture.errors import BonetrackError
+from tests.known_limb import KnownLimb
+from tests.known_motion import known_motion, reported_subject
+from track.motion import MotionError, save_motion
+from track.poses_by_hand import read_poses
+from track.view.angle_charts import _ticks
+from track.view.commands import view_command
+from track.view.embedded import thinned, write_embedded
+from track.view.frames import FrameStore
+from track.view.layers import FAR, error_colours, label
+from track.view.scene import Scene, motion_scene, open_scene, recording_scene, subject_scene
+from track.view.timeline import Timeline
+from track.view.viewer import Viewer, ViewError, start_server
+
+_PORT = 18720
+
+
+@pytest.fixture(scope="module")
+def scene(limb: KnownLimb) -> Scene:
+    return motion_scene(known_motion(limb), limb.subject, limb.recording, title="motion")
+
+
+@pytest.fixture(scope="module")
+def folder(limb: KnownLimb, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A motion folder with its subject beside it."""
+    path = tmp_path_factory.mktemp("view")
+    (path / "motion").mkdir()
+    save_motion(known_motion(limb), path / "motion")
+    save_subject(reported_subject(limb), path / "subject.npz")
+    return path
+
+
+def test_a_scene_joins_motion_recording_and_truth(limb: KnownLimb, folder: Path) -> None:
+    scene = open_scene(folder / "motion", subject=folder / "subject.npz", recording=limb.recording.path)
+    assert scene.numbers == tuple(range(12))
+    assert scene.moments is not None
+    assert scene.truth is not None
+    assert scene.shows("humerus", 0)
+    assert not scene.shows("humerus", 4)  # a lost frame
+    content = FrameStore(scene).get(2)
+    assert content.posed is not None
+    assert content.truth is not None
+    assert content.seen is not None
+    assert content.seen.distances is not None
+    # The motion is the truth: its bones lie on the true bones, its skin on the points.
+    for name, placed in content.posed.bones.items():
+        np.testing.assert_allclose(placed[:3, :3], content.truth.bones[name][:3, :3], atol=1e-6)
+    assert np.abs(content.posed.skin - content.truth.skin).max() < 1e-5
+    assert np.median(content.seen.distances) < 0.003
+    assert FrameStore(scene).get(4).posed is None
+
+
+def test_a_subject_stands_in_its_example_poses_or_at_rest(limb: KnownLimb) -> None:
+    alone = subject_scene(limb.subject, None, title="subject")
+    assert len(alone.times) == 1
+    posed = FrameStore(alone).get(0).posed
+    assert posed is not None
+    np.testing.assert_allclose(posed.skin, limb.subject.body.v_tilde.value, atol=1e-6)
+    recorded = subject_scene(limb.subject, limb.recording, title="subject")
+    assert recorded.numbers == (0, 4, 8)
+
+
+def test_a_recording_alone_shows_its_points(limb: KnownLimb) -> None:
+    scene = recording_scene(limb.recording, None, title="recording")
+    content = FrameStore(scene).get(0)
+    assert content.posed is None
+    assert content.seen is not None
+    assert len(content.seen.points) > 1000
+    assert content.seen.distances is None
+
+
+def test_what_does_not_belong_together_is_refused(limb: KnownLimb, folder: Path) -> None:
+    with pytest.raises(MotionError, match="give --subject"):
+        open_scene(folder / "motion")
+    with pytest.raises(MotionError, match="there is nothing here"):
+        open_scene(folder / "absent")
+    with pytest.raises(BonetrackError):
+        open_scene(folder)  # neither a recording nor a motion
+    late = replace(known_motion(limb), times=limb.times + 7.0)
+    with pytest.raises(MotionError, match="has no frame at 7"):
+        motion_scene(late, limb.subject, limb.recording, title="late")
+
+
+def test_frames_are_made_ahead_and_no_more_are_kept_than_asked_for(scene: Scene) -> None:
+    store, made = FrameStore(scene, capacity=3), []
+    store.make_ahead(made.append)
+    deadline = time.monotonic() + 20.0
+    while len(made) < 3 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert made == [0, 1, 2]
+    store.look_at(6)
+    while store.ready(8) is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    store.stop()
+    assert store.ready(8) is not None
+    assert store.ready(0) is None
+
+
+def test_points_are_coloured_by_their_distance(scene: Scene) -> None:
+    seen = FrameStore(scene).get(0).seen
+    assert seen is not None
+    distances = np.linspace(0.0, 0.03, len(seen.points), dtype=np.float32)
+    colours = error_colours(replace(seen, distances=distances))
+    assert colours.shape == seen.points.shape
+    assert colours[0, 0] < 60  # dark violet
+    assert colours[distances < 0.02][-1, 0] > 200  # orange
+    assert (colours[-1] == FAR).all()
+    assert len(np.unique(error_colours(replace(seen, distances=None)), axis=0)) == 1
+
+
+def test_a_joint_is_labelled_with_its_angles_and_their_deviation(scene: Scene, limb: KnownLimb) -> None:
+    angle = np.rad2deg(limb.thetas[0, limb.subject.anatomy.coordinate_index("elbow_flexion")])
+    assert label(scene, "elbow", 0, limb.thetas[0]) == f"elbow_flexion {angle:.1f}° ± 1.5°"
+    assert label(scene, "shoulder", 0, limb.thetas[0]) == ""  # where the limb is is no joint angle
+    assert label(scene, "elbow", 4, np.full(10, np.nan)) == ""
+
+
+def test_thinned_skin_keeps_its_place_and_stays_closed(limb: KnownLimb) -> None:
+    skin, faces = limb.subject.body.v_tilde.value, limb.subject.anatomy.skin_faces
+    kept, fewer = thinned(skin, faces, 2500)
+    assert abs(len(kept) - 2500) < 50
+    assert fewer.max() < len(kept)
+    edges = np.sort(fewer[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    assert (count % 2 == 0).all()
+    tetrahedra = np.linalg.det(skin[kept][fewer]).sum(), np.linalg.det(skin[faces]).sum()
+    assert tetrahedra[0] == pytest.approx(tetrahedra[1], rel=0.02)  # six times the volume
+
+
+def test_ticks_are_round_numbers_inside() -> None:
+    assert _ticks(-21.0, 74.0, 4) == [0.0, 25.0, 50.0]
+    assert _ticks(0.0, 4.3, 5) == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert _ticks(3.0, 3.0, 4) == [3.0]
+
+
+def test_without_viser_one_line_says_what_to_install(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "viser", None)
+    for more in ([], ["--html", str(folder / "scene.html")]):
+        result = CliRunner().invoke(view_command, [str(folder / "subject.npz"), *more])
+        assert isinstance(result.exception, ViewError)
+        assert "pip install 'bonetrack[view]'" in str(result.exception)
+
+
+@pytest.fixture
+def viewer(scene: Scene, tmp_path: Path):  # type: ignore[no-untyped-def]
+    pytest.importorskip("viser", reason="viser is not installed (extra: view)")
+    viewer = Viewer(start_server(port=_PORT), scene, poses=tmp_path / "poses.json")
+    yield viewer
+    viewer.stop()
+
+
+def test_the_viewer_is_for_this_machine_alone(viewer: Viewer) -> None:
+    assert viewer.server.get_host() == "127.0.0.1"
+
+
+def test_a_frame_moves_bones_as_rigid_bodies_and_lost_ones_vanish(
+    viewer: Viewer, scene: Scene, limb: KnownLimb
+) -> None:
+    viewer.show(3)
+    ulna = viewer.server.scene.get_handle_by_name("/bones/ulna")
+    skin = viewer.server.scene.get_handle_by_name("/skin/surface")
+    assert scene.motion is not None
+    np.testing.assert_allclose(ulna.position, scene.motion.transforms["ulna"][3, :3, 3], atol=1e-9)
+    np.testing.assert_allclose(skin.vertices, pose_skin(limb.subject.body, limb.thetas[3]), atol=1e-5)
+    assert ulna.visible
+    viewer.show(4)
+    assert not ulna.visible
+    assert not skin.visible
+
+
+def test_playing_keeps_the_recordings_speed(viewer: Viewer, scene: Scene) -> None:
+    assert [viewer.timeline.frame_at(t) for t in (-1.0, 0.0, 0.05, 1.0 / 30.0 + 1e-9, 9.0)] == [0, 0, 1, 1, 11]
+    seen: list[tuple[float, int]] = []
+    timeline = Timeline(viewer.server, scene.times * 3.0, lambda k: seen.append((time.perf_counter(), k)))
+    timeline._play()
+    begun = timeline._begun[0]
+    time.sleep(0.9)
+    timeline.stop()
+    assert len(seen) > 3
+    # A frame is never shown before its time; on a busy machine it may be late or left out.
+    assert all(clock - begun >= 3.0 * scene.times[k] - 1e-3 for clock, k in seen)
+    assert [k for _, k in seen] == sorted(k for _, k in seen)
+
+
+def test_a_pose_set_by_hand_is_shown_and_saved_for_its_frame(viewer: Viewer, limb: KnownLimb, tmp_path: Path) -> None:
+    anatomy = limb.subject.anatomy
+    viewer.timeline._set(4)  # a lost frame: setting begins from the nearest that is known
+    hand = viewer._hand
+    assert hand is not None
+    hand._on.value = True
+    i = anatomy.coordinate_index("elbow_flexion")
+    hand._sliders[i].value = 42.0
+    deadline = time.monotonic() + 10.0
+    while (hand.theta is None or abs(hand.theta[i] - np.deg2rad(42.0)) > 1e-9) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    viewer.show(4)
+    skin = viewer.server.scene.get_handle_by_name("/skin/surface")
+    expected = limb.thetas[3].copy()
+    expected[i] = np.deg2rad(42.0)
+    np.testing.assert_allclose(skin.vertices, pose_skin(limb.subject.body, expected), atol=1e-5)
+    hand._keep()
+    (saved,) = read_poses(tmp_path / "poses.json", anatomy, frames=12)
+    assert saved.frame == 4
+    np.testing.assert_allclose(saved.theta, expected, atol=1e-9)
+
+
+def test_the_scene_is_one_file_with_all_its_frames(scene: Scene, tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra: view)")
+    assert write_embedded(scene, tmp_path / "scene.html", most_frames=6) == 6
+    page = (tmp_path / "scene.html").read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)\s*=\s*[\"']?https?:", page)
+    assert "every 2th frame" not in page
+    assert "every 2nd frame" in page
+    data = re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)
+    assert data is not None
+    assert 2e5 < len(base64.b64decode(data.group(1))) < 3e6
