@@ -97,7 +97,7 @@ def pixel_of(view: View, points: Floats) -> tuple[Ints, Ints, NDArray[np.bool_]]
 
 def in_an_image(views: Sequence[View], points: Floats) -> NDArray[np.bool_]:
     """Which points (N, 3) fall inside the image of any of the views: of the others nothing can be known."""
-    return np.any([pixel_of(view, points)[2] for view in views], axis=0)
+    return np.asarray(np.any([pixel_of(view, points)[2] for view in views], axis=0))
 
 
 def find_corres(

@@ -62,7 +62,7 @@ def _forms(anatomy: Anatomy, thetas: Floats) -> Floats:
 
     def centred(theta: Floats) -> Floats:
         skin = pose_skin(body, theta, vertices=sample.vertices)
-        return share * (skin - np.average(skin, axis=0, weights=weights))
+        return np.asarray(share * (skin - np.average(skin, axis=0, weights=weights)))
 
     straight = centred(straightest(anatomy))
     forms = [centred(theta) for theta in thetas]
