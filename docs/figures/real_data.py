@@ -39,7 +39,7 @@ from track.view.render import framing_camera, look_at, render, save_png
 _LIMB_M = 0.05  # points farther from the skin belong to something else
 _COUNTS = 0.5  # skin with at least this fit weight: not the fingers, not the shoulder's cut
 _FINE_M = 0.003
-_PANEL = (240, 190)
+_PANEL = (216, 171)
 _TILE = (300, 300)
 _SHOWN_POINTS = 5  # one of so many, lest they hide the limb
 
@@ -188,7 +188,7 @@ def _sheet(panels: list[NDArray[np.uint8]], *, columns: int = 3) -> NDArray[np.u
     rows = -(-len(panels) // columns)
     filled = [*panels, *[np.full_like(panels[0], 255)] * (rows * columns - len(panels))]
     lines = [np.concatenate(filled[columns * r : columns * (r + 1)], axis=1) for r in range(rows)]
-    few_colours = np.rint(np.concatenate(lines, axis=0) / 20.0) * 20.0  # a smaller file
+    few_colours = np.rint(np.concatenate(lines, axis=0) / 17.0) * 17.0  # a smaller file; 255 stays
     return np.asarray(few_colours, dtype=np.uint8)
 
 
