@@ -7,7 +7,9 @@ last line, and goes on from there; the final files replace it at the end.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from capture.errors import CloudError
 from capture.fuse import Region, fuse, region_of_interest
 from capture.journal import journal_key, resume_journal
 from capture.recording import Instant, Recording, instants
+from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.quality_table import write_quality
@@ -63,11 +66,13 @@ def track_recording(
     frames = [_frame(entry) for entry in journal.entries]
     state = _state(journal.entries[-1]["state"]) if journal.entries else None
     tracker = make_tracker(subject)
-    for number in range(len(frames), len(moments)):
-        frame, state = _track_one(recording, tracker, moments[number], state, region)
-        frames.append(frame)
-        journal.append({**asdict(frame), "state": None if state is None else asdict(state)})
-        progress(number + 1, len(moments))
+    left = moments[len(frames) :]
+    with closing(one_ahead(partial(_target, recording, region), left)) as targets:
+        for moment, target in zip(left, targets, strict=True):
+            frame, state = _track_one(tracker, moment.time_s, target, state)
+            frames.append(frame)
+            journal.append({**asdict(frame), "state": None if state is None else asdict(state)})
+            progress(len(frames), len(moments))
     motion = _motion(subject, frames)
     write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
     journal.remove()
@@ -90,16 +95,22 @@ def write_motion_folder(
     save_motion(motion, out)
 
 
-def _track_one(
-    recording: Recording, tracker: Tracker, moment: Instant, state: TrackerState | None, region: Region
-) -> tuple[TrackedFrame, TrackerState | None]:
+def _target(recording: Recording, region: Region, moment: Instant) -> Target | CloudError:
+    """The cloud of one instant, ready to be searched, or why there is none."""
     try:
         target = Target(fuse(recording, moment, region=region))
     except CloudError as error:
-        return tracker.missed(moment.time_s, error.problem), state
-    if state is None:
-        return tracker.first(target, moment.time_s)
-    return tracker.follow(target, moment.time_s, state)
+        return error
+    _ = target.parts  # worked out here and now
+    return target
+
+
+def _track_one(
+    tracker: Tracker, time_s: float, target: Target | CloudError, state: TrackerState | None
+) -> tuple[TrackedFrame, TrackerState | None]:
+    if isinstance(target, CloudError):
+        return tracker.missed(time_s, target.problem), state
+    return tracker.first(target, time_s) if state is None else tracker.follow(target, time_s, state)
 
 
 def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
