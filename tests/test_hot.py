@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, load_anatomy
+from adapt.fit.correspondences import visible_from
 from adapt.fit.nearest import PointGrid
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
+from capture.camera import Camera
+from capture.fuse import View
 from capture.patches import fit_patches, fit_patches_by_arrays
+from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
 
 
@@ -58,3 +64,17 @@ def test_the_patches_of_a_ragged_depth_image_are_those_of_plain_arrays() -> None
     pixels = np.argwhere(depth > 0.0)  # up to the very edge
     fits = [fit(depth, pixels, radius_px=7, focal_px=580.0) for fit in (fit_patches, fit_patches_by_arrays)]
     np.testing.assert_allclose(fits[0], fits[1], atol=2e-5)
+
+
+def test_a_sensor_sees_what_it_sees_through_a_lens_that_hardly_distorts() -> None:
+    rng = np.random.default_rng(7)
+    camera = Camera(80, 60, 70.0, 72.0, 39.0, 31.0)
+    depth = np.where(rng.random((60, 80)) < 0.7, rng.uniform(0.5, 1.5, (60, 80)), 0.0).astype(np.float32)
+    view = View("one", camera, transform(exp_so3(rng.normal(size=3)), rng.normal(size=3)), depth)
+    points = apply(view.world_from_sensor, rng.normal(0.0, 0.6, (4000, 3)) + np.array([0.0, 0.0, 0.9]))
+    normals = rng.normal(size=points.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    lens = replace(view, camera=replace(camera, distortion=(1e-12, 0.0, 0.0, 0.0)))
+    seen = visible_from(view, points, normals)
+    np.testing.assert_array_equal(seen, visible_from(lens, points, normals))
+    assert 0.05 < seen.mean() < 0.5

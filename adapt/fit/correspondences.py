@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Floats, Ints
 from adapt.fit.nearest import PointGrid
+from adapt.fit.sight import see
 from capture.camera import project
 from capture.fuse import Cloud, View
 from capture.rigid import apply, inverse
@@ -64,8 +65,9 @@ def visible_from(view: View, vertices: Floats, normals: Floats) -> NDArray[np.bo
 
     The vertex must face the sensor, lie inside its image, and not be hidden by something measured nearer.
     """
-    sensor = view.world_from_sensor[:3, 3]
-    sight = sensor - vertices
+    if not view.camera.distortion:
+        return see(view, vertices, normals, facing=_FACING, occluded_m=_OCCLUDED_M)
+    sight = view.world_from_sensor[:3, 3] - vertices
     visible = np.einsum("ij,ij->i", normals, sight) > _FACING * np.linalg.norm(sight, axis=1)
     measured, z, inside = depth_at(view, vertices[visible])
     hidden = (measured > 0.0) & (measured < z - _OCCLUDED_M)
