@@ -1,8 +1,9 @@
 """The forms that a limb can take, whichever its joints: what a first search tries, before it knows anything.
 
-Poses are drawn evenly from the joints' ranges. Two of them have the same form when one skin can be laid on the other
-by a rigid motion, which the search finds anyway; so each is laid on the straightest one, and poses in the middle of
-groups of like forms stand for all. A joint that hardly changes the form is left to the fit.
+Poses are drawn from the joints' ranges, those near the template's rest, a usual pose, more often. Two of them have the
+same form when one skin can be laid on the other by a rigid motion, which the search finds anyway; so each is laid on
+the straightest one, and poses in the middle of groups of like forms stand for all. A joint that hardly changes the form
+is left to the fit.
 """
 
 from __future__ import annotations
@@ -44,13 +45,12 @@ def typical_forms(anatomy: Anatomy) -> tuple[Floats, ...]:
 
 
 def _drawn(anatomy: Anatomy) -> Floats:
-    """Poses (D, n) drawn evenly from the ranges of the joints."""
-    rng, varied = np.random.default_rng(0), joint_coordinates(anatomy)
-    low, high = (np.array([getattr(anatomy.coordinates[i], end) for i in varied]) for end in ("low", "high"))
+    """Poses (D, n): each joint coordinate by itself, most likely near its rest and never outside its range."""
+    rng = np.random.default_rng(0)
     drawn = np.tile(straightest(anatomy), (_DRAWN, 1))
-    drawn[:, varied] = rng.triangular(
-        low, np.array([anatomy.coordinates[i].rest for i in varied]), high, (_DRAWN, len(varied))
-    )
+    for i in joint_coordinates(anatomy):
+        coordinate = anatomy.coordinates[i]
+        drawn[:, i] = rng.triangular(coordinate.low, coordinate.rest, coordinate.high, _DRAWN)
     return drawn
 
 

@@ -1,0 +1,325 @@
+"""Legs seen from a walking frame, through the command line: pictures, angles, how far joints lie from motion capture.
+
+    python docs/figures/walker.py RECORDINGS --work WORK --out docs/images
+
+RECORDINGS holds the folder ``gait_legs_walker`` named in docs/real-data.md, which does not ship. Runs that page's
+commands (those whose output stands in WORK already are left out), prints its tables and writes its pictures. Takes
+minutes.
+"""
+
+from __future__ import annotations
+
+import csv
+import shlex
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from adapt.anatomy import Floats
+from adapt.model.body import Body, bone_transforms, pose_skin, posed_bones, rest_theta
+from adapt.model.body import joint_centres as centres_of
+from adapt.subject import Subject, load_subject
+from capture.camera import project
+from capture.commands import as_region
+from capture.console import stdout
+from capture.files import replaced_when_complete
+from capture.fuse import Cloud, View, fuse
+from capture.recording import Recording, instants, open_recording
+from capture.rigid import apply, inverse
+from track.cli import bonetrack
+from track.motion import Motion, load_motion
+from track.shown import known_thetas, skin_shown
+from track.view.pictures import body_layers
+from track.view.render import Layer, framing_camera, look_at, render, save_png
+
+SOURCE = "gait_legs_walker"
+IMPORTING = "--fx 570 --fps 30"
+BOTH = (-0.19, -0.6, 0.6, 0.19, 0.24, 1.7)
+SIDES = {  # where each leg alone is, and the frames that it is adapted to
+    "right": ((-0.19, -0.6, 0.6, 0.015, 0.24, 1.7), "2,10,15,24,36,50"),
+    "left": ((0.005, -0.6, 0.6, 0.19, 0.24, 1.7), "4,14,24,38,48,56"),
+}
+POINTS = {"lower_leg": "knee", "foot": "ankle", "toe": "ball of the foot"}  # of the motion capture: what they are
+_SHOWN_FRAMES = (2, 11, 24, 40)
+_SHOWN_POINTS = 3  # one of so many, lest they hide the limb
+_PANEL = (300, 320)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One leg's subject and motion."""
+
+    side: str
+    subject: Subject
+    motion: Motion
+
+    @property
+    def body(self) -> Body:
+        """The adapted leg."""
+        return self.subject.body
+
+    @cached_property
+    def joints(self) -> Floats:
+        """Knee, ankle and ball of the foot (T, 3, 3) m, each carried by the shank or the foot; NaN where lost."""
+        anatomy = self.body.anatomy
+        points = np.full((len(self.motion.times), 3, 3), np.nan)
+        rest = self.body.p.value
+        carriers = (("tibia", "knee"), ("tibia", "talus"), ("foot", "MT2_head"))
+        for t in np.flatnonzero(self.motion.tracked):
+            moved = bone_transforms(self.body, self.motion.thetas[t])
+            for j, (bone, landmark) in enumerate(carriers):
+                points[t, j] = apply(moved[bone], rest[anatomy.landmark_index(landmark)][None])[0]
+        return points
+
+
+def commands(recordings: Path, work: Path) -> list[tuple[Path, str]]:
+    """What each command writes, and the command."""
+    recording = work / "walker"
+    todo = [(recording, f"import '{recordings / SOURCE / 'gait_depth'}' {IMPORTING} --out '{recording}'")]
+    for side, (region, frames) in SIDES.items():
+        subject, motion = work / f"walker-{side}.npz", work / f"walker-{side}.motion"
+        adapting = f"--anatomy lower-limb-{side} --poses 4 --frames {frames} --region {_numbers(region)}"
+        todo += [
+            (subject, f"adapt '{recording}' {adapting} --out '{subject}'"),
+            (
+                motion / "motion.npz",
+                f"track '{recording}' --subject '{subject}' --region {_numbers(BOTH)} --out '{motion}'",
+            ),
+        ]
+    return todo
+
+
+def _numbers(region: tuple[float, ...]) -> str:
+    return " ".join(f"{x:g}" for x in region)
+
+
+def captured(recordings: Path) -> dict[str, Floats]:
+    """The motion capture's pixels (T, 3, 2) of each side: knee, ankle, toe. Its x runs leftwards, its y upwards."""
+    with (recordings / SOURCE / "gait_groundtruth_60frames.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {
+        side: np.array(
+            [
+                [(640.0 - float(row[f"{side}_{p}_x"]), 480.0 - float(row[f"{side}_{p}_y"])) for p in POINTS]
+                for row in rows
+            ]
+        )
+        for side in SIDES
+    }
+
+
+def compare(legs: list[Leg], pixels: dict[str, Floats], view: View) -> None:
+    """Print how far our joints lie from the motion capture's points in the image."""
+    table = Table("side", "point", "frames", "apart (px)", "(cm)", "median offset u, v (px)", "without it (px)", "(cm)")
+    for leg in legs:
+        for j, name in enumerate(POINTS.values()):
+            ours, depth = project(view.camera, leg.joints[:, j])
+            off, known = ours - pixels[leg.side][:, j], leg.motion.tracked
+            cm = 100.0 * depth / view.camera.fx
+            bias = np.median(off[known], axis=0)
+            apart, left = np.linalg.norm(off, axis=1), np.linalg.norm(off - bias, axis=1)
+            table.add_row(
+                leg.side,
+                name,
+                str(int(known.sum())),
+                f"{np.median(apart[known]):.0f}",
+                f"{np.median((apart * cm)[known]):.1f}",
+                f"{bias[0]:+.0f}, {bias[1]:+.0f}",
+                f"{np.median(left[known]):.0f}",
+                f"{np.median((left * cm)[known]):.1f}",
+            )
+    stdout.print(table)
+
+
+def describe(legs: list[Leg]) -> None:
+    """Print sizes, what was tracked, which bones showed, and the angles' ranges where they are known."""
+    table = Table("what", *(leg.side for leg in legs))
+    for joint in legs[0].subject.report["scales"]:
+        sizes = [leg.subject.report["scales"][joint] for leg in legs]
+        table.add_row(f"scale at the {joint}", *(f"{size['scale']:.2f} ± {size['sd']:.2f}" for size in sizes))
+    for first, second in (("hip", "knee"), ("knee", "ankle")):
+        table.add_row(f"{first} to {second} (mm)", *(f"{_apart(leg.body, first, second):.0f}" for leg in legs))
+    table.add_row("frames tracked", *(f"{leg.motion.tracked.sum()} of {len(leg.motion.times)}" for leg in legs))
+    table.add_row("skin to cloud, median (mm)", *(f"{1e3 * np.nanmedian(leg.motion.residuals):.1f}" for leg in legs))
+    for bone, _ in enumerate(legs[0].motion.transforms):
+        name = list(legs[0].motion.transforms)[bone]
+        table.add_row(f"{name} shows in frames", *(str(int(leg.motion.shown[:, bone].sum())) for leg in legs))
+    for stem in ("knee_angle", "ankle_angle"):
+        cells = []
+        for leg in legs:
+            angle = _angles(leg, stem)[0]
+            few = np.isfinite(angle).sum() < 2
+            cells.append("-" if few else f"{np.nanmin(angle):.0f} to {np.nanmax(angle):.0f}")
+        table.add_row(f"{stem} where known (deg)", *cells)
+    stdout.print(table)
+
+
+def _apart(body: Body, first: str, second: str) -> float:
+    centres = centres_of(body, rest_theta(body))
+    return 1e3 * float(np.linalg.norm(centres[first] - centres[second]))
+
+
+def _angles(leg: Leg, stem: str) -> tuple[Floats, Floats]:
+    """A coordinate (T,) in degrees where it is known, and the same with what is guessed."""
+    anatomy = leg.body.anatomy
+    index = anatomy.coordinate_index(f"{stem}_{leg.side[0]}")
+    known = known_thetas(anatomy, leg.motion.thetas, leg.motion.shown)
+    return np.rad2deg(known[:, index]), np.rad2deg(leg.motion.thetas[:, index])
+
+
+def inclination(leg: Leg) -> Floats:
+    """The angle (T,) in degrees of the shank with the floor's normal, positive with the knee in front of the ankle."""
+    shank = leg.joints[:, 0] - leg.joints[:, 1]
+    up, forward = FLOOR_UP, np.cross(FLOOR_UP, np.array([1.0, 0.0, 0.0]))
+    forward *= np.sign(forward @ np.array([0.0, 0.0, -1.0]))  # the person walks towards the sensor
+    return np.asarray(np.rad2deg(np.arctan2(shank @ forward, shank @ up)))
+
+
+FLOOR_UP = np.array([0.0, -0.79, -0.61]) / np.linalg.norm([0.79, 0.61])  # the floor's normal in the sensor's frame
+
+
+def plot(legs: list[Leg], path: Path) -> None:
+    """Knee, ankle and the shank's inclination over time; what is guessed is dotted."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(3, sharex=True)
+    for leg, colour in zip(legs, ("tab:red", "tab:blue"), strict=True):
+        times = leg.motion.times
+        for panel, stem in zip(axes, ("knee_angle", "ankle_angle"), strict=False):
+            known, guessed = _angles(leg, stem)
+            panel.plot(times, guessed, ":", color=colour, lw=1.0)
+            panel.plot(times, known, color=colour, lw=1.8, label=leg.side)
+        axes[2].plot(times, inclination(leg), color=colour, lw=1.8)
+    axes[0].set_ylabel("knee flexion (deg)")
+    axes[1].set_ylabel("ankle dorsiflexion (deg)")
+    axes[2].set_ylabel("shank forward (deg)")
+    axes[2].set_xlabel("time at an assumed 30 Hz (s); dotted where a bone of the joint does not show")
+    axes[0].legend(loc="upper right", fontsize="small")
+    with replaced_when_complete(path) as partial:
+        figure.savefig(partial, dpi=80)
+
+
+def picture(legs: list[Leg], recording: Recording, path: Path) -> None:
+    """Both legs over the cloud, from the sensor and from the side; bones that do not show are left out."""
+    rows = []
+    for k in _SHOWN_FRAMES:
+        cloud = fuse(recording, instants(recording)[k], region=as_region(BOTH))
+        rows.append(np.concatenate([_scene(legs, k, cloud, side=False), _scene(legs, k, cloud, side=True)], axis=1))
+    save_png(_few_colours(_two_columns(rows)), path)
+
+
+def _scene(legs: list[Leg], k: int, cloud: Cloud, *, side: bool) -> NDArray[np.uint8]:
+    front = -cloud.points.mean(axis=0) - 0.6 * FLOOR_UP
+    direction = np.cross(FLOOR_UP, front) if side else front
+    layers: list[Layer] = []
+    for leg in legs:
+        if leg.motion.tracked[k]:
+            layers += _shown_layers(leg, k)
+    eye = look_at(cloud.points, direction, FLOOR_UP)
+    camera = framing_camera(eye, cloud.points, width=_PANEL[0], height=_PANEL[1])
+    image = np.ascontiguousarray(render(layers, eye, camera, points=cloud.points[::_SHOWN_POINTS]))
+    cv2.putText(image, f"frame {k}", (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (200, 0, 0), 1, cv2.LINE_AA)
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _shown_layers(leg: Leg, k: int) -> list[Layer]:
+    """Bones that show, and the skin that rides on them."""
+    theta, shown = leg.motion.thetas[k], leg.motion.shown[k]
+    *bones, skin = body_layers(leg.body, theta)
+    kept = skin_shown(leg.body, shown)[skin.faces].all(axis=1)
+    visible = [bone for bone, shows in zip(bones, shown, strict=True) if shows]
+    return [*visible, Layer(skin.vertices, skin.faces[kept], skin.colour, skin.opacity)] if kept.any() else visible
+
+
+def overlay(legs: list[Leg], pixels: dict[str, Floats], recording: Recording, path: Path) -> None:
+    """The depth image with bones (yellow), our joints (red) and the motion capture's points (white rings)."""
+    tiles = []
+    for k in _SHOWN_FRAMES:
+        view = fuse(recording, instants(recording)[k], region=as_region(BOTH)).views[0]
+        image = cv2.cvtColor(_grey(view.depth), cv2.COLOR_GRAY2RGB)
+        for leg in legs:
+            if not leg.motion.tracked[k]:
+                continue
+            for name, shows in zip(leg.motion.transforms, leg.motion.shown[k], strict=True):
+                if shows:
+                    _dots(image, _pixels(view, posed_bones(leg.body, leg.motion.thetas[k])[name][::4]), (255, 220, 0))
+            _outline(image, leg, k, view)
+            for u, v in _pixels(view, leg.joints[k]):
+                cv2.circle(image, (int(u), int(v)), 5, (255, 0, 0), -1)
+            for u, v in pixels[leg.side][k]:
+                cv2.circle(image, (int(u), int(v)), 6, (255, 255, 255), 2)
+        cv2.putText(image, f"frame {k}", (205, 325), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
+        tiles.append(np.asarray(image[:340, 200:460], dtype=np.uint8))
+    save_png(_few_colours(np.concatenate(tiles, axis=1)), path)
+
+
+def _outline(image: NDArray[np.uint8], leg: Leg, k: int, view: View) -> None:
+    skin = _pixels(view, pose_skin(leg.body, leg.motion.thetas[k]))
+    faces = leg.body.anatomy.skin_faces
+    silhouette = np.zeros(image.shape[:2], np.uint8)
+    for triangle in skin[faces[skin_shown(leg.body, leg.motion.shown[k])[faces].all(axis=1)]]:
+        cv2.fillConvexPoly(silhouette, triangle, 255)
+    contours, _ = cv2.findContours(silhouette, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(image, contours, -1, (255, 90, 90), 1)
+
+
+def _dots(image: NDArray[np.uint8], pixels: NDArray[np.int32], colour: tuple[int, int, int]) -> None:
+    inside = (pixels >= 0).all(axis=1) & (pixels < image.shape[1::-1]).all(axis=1)
+    image[pixels[inside, 1], pixels[inside, 0]] = colour
+
+
+def _pixels(view: View, points: Floats) -> NDArray[np.int32]:
+    uv, _ = project(view.camera, apply(inverse(view.world_from_sensor), points))
+    return np.rint(uv).astype(np.int32)
+
+
+def _grey(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Near is bright, nothing is black."""
+    return np.where(depth > 0.0, np.clip(255.0 - 150.0 * (depth - 0.8), 40.0, 230.0), 0.0).astype(np.uint8)
+
+
+def _two_columns(panels: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    lines = [np.concatenate(panels[i : i + 2], axis=1) for i in range(0, len(panels), 2)]
+    return np.concatenate(lines, axis=0)
+
+
+def _few_colours(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.asarray(np.rint(image / 15.0) * 15.0, dtype=np.uint8)  # a smaller file
+
+
+@click.command()
+@click.argument("recordings", type=click.Path(path_type=Path, exists=True))
+@click.option("--work", required=True, type=click.Path(path_type=Path), help="Where recordings and results go.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="Where pictures go.")
+def main(recordings: Path, work: Path, out: Path) -> None:
+    """Run the commands, print the tables, write the pictures."""
+    work.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
+    for result, command in commands(recordings, work):
+        stdout.print(f"bonetrack {command}", highlight=False, soft_wrap=True)
+        if not result.exists():
+            bonetrack.main(shlex.split(command), standalone_mode=False)
+    recording = open_recording(work / "walker")
+    legs = [
+        Leg(side, load_subject(work / f"walker-{side}.npz"), load_motion(work / f"walker-{side}.motion"))
+        for side in SIDES
+    ]
+    pixels = captured(recordings)
+    describe(legs)
+    compare(legs, pixels, fuse(recording, instants(recording)[0], region=as_region(BOTH)).views[0])
+    plot(legs, out / "real-walker-angles.png")
+    picture(legs, recording, out / "real-walker.png")
+    overlay(legs, pixels, recording, out / "real-walker-joints.png")
+
+
+if __name__ == "__main__":
+    main()
