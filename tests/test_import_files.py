@@ -101,6 +101,22 @@ def test_a_stated_camera_overrides_the_files(tmp_path):
     assert sensor.depth_unit_m == 0.002
 
 
+def test_a_file_with_several_depth_streams_is_refused(tmp_path):
+    import sqlite3
+
+    shutil.copy(FILES / "realsense.db3", tmp_path / "two.db3")
+    with sqlite3.connect(tmp_path / "two.db3") as database:
+        name = "/device_1/sensor_0/Depth_0/image/data/compressedDepth"
+        database.execute("INSERT INTO topics VALUES (99, ?, 'x', 'cdr', '')", (name,))
+    database.close()
+    refused(tmp_path / "two.db3", tmp_path, "has 2 depth streams; record each sensor")
+    data = (FILES / "openni.oni").read_bytes()
+    image = b"\x06\x00\x00\x00Image\x00\x03\x00\x00\x00"
+    assert image in data
+    (tmp_path / "two.oni").write_bytes(data.replace(image, image[:-4] + b"\x02\x00\x00\x00"))
+    refused(tmp_path / "two.oni", tmp_path, "has 2 depth streams; record each sensor")
+
+
 def test_a_database_of_something_else_is_refused(tmp_path):
     import sqlite3
 

@@ -121,8 +121,12 @@ def write_pcd(path, points, size, *, coding="binary", extra=True):
     )
     rows = np.zeros((len(points), len(fields)), "<f4")
     rows[:, :3] = points
-    body = rows.tobytes() if coding == "binary" else "\n".join(" ".join(map(str, row)) for row in rows).encode()
-    path.write_bytes(header.encode() + body)
+    with path.open("wb") as file:
+        file.write(header.encode())
+        if coding == "binary":
+            file.write(rows.tobytes())
+        else:
+            np.savetxt(file, rows, fmt="%.7g")
     return path
 
 
@@ -195,6 +199,8 @@ def test_faults_of_clouds_are_one_clear_line(limb, tmp_path):
         refused(path, tmp_path, match)
     path.write_bytes(data[:-100])
     refused(path, tmp_path, "its end is missing")
+    path.write_bytes(b"ply\nelement vertex 1\nproperty float x\nend_header\n")
+    refused(path, tmp_path, "damaged .*format")
     path.write_bytes(b"nothing of the kind")
     refused(path, tmp_path, "neither a .pcd nor a .ply")
 

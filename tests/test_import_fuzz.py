@@ -29,7 +29,7 @@ def changes(draw: st.DrawFn) -> tuple[int, list[tuple[float, int]], float]:
 
 @pytest.mark.parametrize("name", TARGETS)
 @settings(
-    max_examples=40,
+    max_examples=15,
     deadline=None,
     derandomize=True,
     database=None,

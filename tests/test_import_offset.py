@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -13,11 +12,11 @@ from scipy.interpolate import PchipInterpolator
 from capture.camera import Camera
 from capture.commands import import_command
 from capture.errors import RecordingError
-from capture.importers import DepthFrame, Source, Stated, estimate_offset, import_recording, motion_of
-from capture.recording import Sensor, instants
+from capture.importers import DepthFrame, Source, estimate_offset, import_recording, motion_of
+from capture.recording import Sensor, instants, open_recording
 from tests.test_import_files import FILES
 
-CAMERA = Camera(160, 120, 140.0, 140.0, 79.5, 59.5)
+CAMERA = Camera(80, 60, 70.0, 70.0, 39.5, 29.5)
 NAME = Path("second.oni")
 
 
@@ -38,9 +37,9 @@ def sees(position, *, turn: float, start_s: float, seconds: float, fps: float, s
         for index in range(int(seconds * fps)):
             x, z = position(start_s + index / fps + random.normal(0.0, 0.002))
             across, along = x * np.cos(turn) + z * np.sin(turn), 1.5 + z * np.cos(turn) - x * np.sin(turn)
-            arm = (abs(u - 80.0 - 140.0 * across / 1.5) < 6.0) & (abs(v - 60) < 30)
+            arm = (abs(u - 40.0 - 70.0 * across / 1.5) < 3.0) & (abs(v - 30) < 15)
             depth = np.where(arm, along, 2.5)
-            depth += random.normal(0.0, 0.004, depth.shape) * depth**2
+            depth += random.normal(0.0, 0.002, depth.shape) * depth**2
             yield DepthFrame(clock_s + index / fps, np.clip(1000.0 * depth, 0, 65535).astype(np.uint16))
 
     return Source(Sensor("sensor", CAMERA, 0.001, (0.2, 4.0)), frames(), times="the file")
@@ -73,39 +72,36 @@ def test_motion_that_tells_no_offset_is_refused():
         estimate_offset(*two_views(performance(1), offset_s=0.0, seconds=3.0), where=NAME)
 
 
-def write_folder(folder: Path, source: Source) -> Path:
-    (folder / "depth").mkdir(parents=True)
-    for frame in source.frames:
-        cv2.imwrite(str(folder / "depth" / f"{round(frame.time_s * 30):04d}.png"), frame.readings)
-    return folder
+def write_raw(path: Path, source: Source) -> Path:
+    path.write_bytes(b"".join(frame.readings.astype("<u2").tobytes() for frame in source.frames))
+    return path
 
 
 def test_files_of_two_sensors_become_one_recording(tmp_path):
-    position = performance(1)
     paths = [
-        write_folder(tmp_path / name, sees(position, turn=turn, start_s=start_s, seconds=7.0, fps=30.0, seed=seed))
-        for name, turn, start_s, seed in (("a", 0.0, 5.0, 1), ("b", 0.7, 5.5, 2))
+        write_raw(tmp_path / name, sees(performance(1), turn=turn, start_s=start_s, seconds=7.0, fps=30.0, seed=seed))
+        for name, turn, start_s, seed in (("a.raw", 0.0, 5.0, 1), ("b.raw", 0.7, 5.5, 2))
     ]
-    arguments = [
-        *map(str, paths),
-        "--out",
-        str(tmp_path / "rec"),
-        "--fx",
-        "140",
-        "--sensor",
-        "left",
-        "--sensor",
-        "right",
-    ]
-    result = CliRunner().invoke(import_command, arguments)
+    arguments = [*map(str, paths), "--out", str(tmp_path / "rec"), "--fx", "70", "--width", "80", "--height", "60"]
+    result = CliRunner().invoke(import_command, [*arguments, "--sensor", "left", "--sensor", "right"])
     assert result.exit_code == 0, result.output
-    assert "right begins 0.5" in result.output or "right begins 0.49" in result.output
+    recording = open_recording(tmp_path / "rec")
+    left, right = recording.sensors
+    assert (left.name, right.name) == ("left", "right")
+    assert left.frames[0].time_s == 0.0
+    assert right.frames[0].time_s == pytest.approx(0.5, abs=0.03)
+    assert "right begins 0." in result.output
     assert "one standard deviation" in result.output
-    recording = import_recording(paths, tmp_path / "stated", stated=Stated(fx=140.0), offset=0.5)
+
+
+def test_a_stated_offset_is_kept(tmp_path):
+    paths = [FILES / "realsense.db3", FILES / "openni.oni"]
+    recording = import_recording(paths, tmp_path / "rec", offset=0.1)
     first, second = recording.sensors
     assert (first.name, second.name) == ("sensor-1", "sensor-2")
-    assert (first.frames[0].time_s, second.frames[0].time_s) == (0.0, 0.5)
-    assert sum(len(instant.frames) == 2 for instant in instants(recording)) == 195
+    assert (first.frames[0].time_s, second.frames[0].time_s) == (0.0, 0.1)
+    assert sum(len(instant.frames) == 2 for instant in instants(recording)) == 3
+    assert "sensor-2 begins 0.1000 s after sensor-1 (as stated)" in recording.created_by
 
 
 def test_files_by_one_clock_keep_it(tmp_path):

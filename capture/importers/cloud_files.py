@@ -77,7 +77,7 @@ class _Layout:
         rows = data.decode("ascii").splitlines()[: self.count]
         if len(rows) < self.count:
             raise ValueError("its end is missing")
-        return np.array([[float(row.split()[column]) for column in columns] for row in rows]).reshape(-1, 3)
+        return np.asarray(np.loadtxt(rows, dtype=np.float64, comments=None, usecols=columns, ndmin=2))
 
 
 def _layout(fields: list[tuple[str, str]], count: int, *, as_text: bool, size: tuple[int, int] | None) -> _Layout:
@@ -124,7 +124,7 @@ def _pcd_layout(head: bytes) -> tuple[_Layout, int]:
 
 def _ply_layout(head: bytes) -> tuple[_Layout, int]:
     lines, begin = _header(head, b"end_header")
-    coding = next(line[1] for line in lines if line[0] == "format")
+    coding = {line[0]: line[1:] for line in lines}["format"][0]
     order = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}[coding]
     elements = [number for number, line in enumerate(lines) if line[0] == "element"]
     first = elements[0]

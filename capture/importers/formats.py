@@ -61,18 +61,21 @@ FORMATS = (
 )
 """In the order of trying; ``raw`` is whatever nothing else is."""
 
+_BY_NAME = {format.name: format for format in FORMATS}
+
 
 def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Source:
     """Open a sensor's file or folder with the reader of its format; ``name`` states the format.
 
     Raises:
+        KeyError: no format has that name.
         RecordingError: not there, empty, not what the format asks for, or too little is known of the camera.
     """
     if not path.exists():
         raise RecordingError("does not exist", where=path, remedy="name a sensor's file, or a folder of depth images")
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError("is an empty file", where=path, remedy="record or copy it again")
-    chosen = recognised(path) if name is None else next(format for format in FORMATS if format.name == name)
+    chosen = recognised(path) if name is None else _BY_NAME[name]
     if path.is_dir() and not chosen.folders:
         raise RecordingError("is a folder", where=path, remedy=f"name the {chosen.suffixes[0]} file in it")
     if path.is_file() and not chosen.files:
@@ -101,7 +104,7 @@ def recognised(path: Path) -> Format:
         if format.head and head.startswith(format.head):
             return format
     if path.suffix.lower() == ".pcd" or head.startswith(b"ply"):
-        return next(format for format in FORMATS if format.name == "clouds")
+        return _BY_NAME["clouds"]
     named = next((format for format in FORMATS if path.suffix.lower() in format.suffixes), None)
     if named is not None:
         raise RecordingError(

@@ -39,7 +39,9 @@ _LEAST_SIGNIFICANCE = 5.0
 _LARGEST_SECOND_PEAK = 0.85
 _PEAK_WIDTH_S = 0.4
 _PIECES = 10
-_LEAST_DEVIATION_S, _LARGEST_DEVIATION_S = 0.001, 0.05
+_LARGEST_DEVIATION_S = 0.05
+_VIEW_DEVIATION_S = 0.004
+"""Sensors that stand apart see different parts of a motion; what that adds was measured (tests/measure_offset.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +141,7 @@ def estimate_offset(first: Motion, second: Motion, *, where: Path) -> Offset:
     deviation = math.sqrt((_PIECES - 1) / _PIECES * float(((left_out - left_out.mean()) ** 2).sum())) * STEP_S
     if not deviation <= _LARGEST_DEVIATION_S:
         raise _refused(f"fits the other sensor's motion only to within {deviation:.2f} s", where)
-    return Offset(found * STEP_S, max(deviation, _LEAST_DEVIATION_S), float(agreement[best]))
+    return Offset(found * STEP_S, math.hypot(deviation, _VIEW_DEVIATION_S), float(agreement[best]))
 
 
 def _significance(a: Floats, b: Floats, lag: int, correlation: float) -> float:

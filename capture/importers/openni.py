@@ -34,6 +34,7 @@ from capture.importers.source import (
     check_size,
     damaged,
     no_depth,
+    the_only,
 )
 from capture.recording import Colour, Sensor
 
@@ -98,6 +99,7 @@ def open_oni(path: Path, stated: Stated) -> Source:
     nodes: dict[int, _Node] = {}
     number = _until_depth(path, nodes)
     depth = nodes[number]
+    the_only([node for node in nodes.values() if node.kind == _DEPTH], path)
     try:
         width, height = depth.size
         check_size(width, height, where=path)

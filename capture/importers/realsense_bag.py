@@ -28,6 +28,7 @@ from capture.importers.source import (
     damaged,
     no_depth,
     optional_module,
+    the_only,
 )
 from capture.rigid import Floats, transform
 
@@ -44,7 +45,7 @@ def open_bag(path: Path, stated: Stated) -> Source:
     """
     with _reader(path) as reader:
         names = {connection.topic: connection for connection in reader.connections}
-        depth = _find(names, DEPTH_TOPIC + "/image/data")
+        depth = the_only(_matching(names, DEPTH_TOPIC + "/image/data"), path)
         if depth is None:
             kinds = sorted({name.split("/")[3] for name in names if name.endswith("/image/data")})
             raise no_depth(path, f"it has {', '.join(kinds)}" if kinds else "and no images at all")
@@ -97,8 +98,12 @@ def _reader(path: Path) -> Iterator[Any]:
         raise damaged(path, error) from error
 
 
+def _matching(names: dict[str, Any], pattern: str) -> list[str]:
+    return [name for name in sorted(names) if re.fullmatch(pattern, name)]
+
+
 def _find(names: dict[str, Any], pattern: str) -> str | None:
-    return next((name for name in sorted(names) if re.fullmatch(pattern, name)), None)
+    return next(iter(_matching(names, pattern)), None)
 
 
 def _first(reader: Any, connection: Any) -> bytes | None:

@@ -18,7 +18,17 @@ import numpy as np
 from capture import depth_png
 from capture.errors import RecordingError
 from capture.importers.realsense import COLOUR_TOPIC, DEPTH_TOPIC, Lens, Streams, as_source
-from capture.importers.source import ColourFrame, DepthFrame, Frames, Source, Stated, check_size, damaged, no_depth
+from capture.importers.source import (
+    ColourFrame,
+    DepthFrame,
+    Frames,
+    Source,
+    Stated,
+    check_size,
+    damaged,
+    no_depth,
+    the_only,
+)
 from capture.rigid import Floats, transform
 
 _DEPTH_IMAGE = "/image/data/compressedDepth"
@@ -37,13 +47,13 @@ def open_db3(path: Path, stated: Stated) -> Source:
     """
     with _database(path) as database:
         topics = {str(name): int(key) for key, name in database.execute("SELECT id, name FROM topics")}
-        depth = _stream(topics, DEPTH_TOPIC, _DEPTH_IMAGE)
+        depth = the_only(_streams(topics, DEPTH_TOPIC, _DEPTH_IMAGE), path)
         if depth is None:
             kinds = sorted({name.split("/")[3] for name in topics if "/image/data" in name})
             raise no_depth(path, f"it has {', '.join(kinds)}" if kinds else "and no images at all")
         lens = _lens(_text(database, topics, f"{depth}/camera_info"))
         check_size(lens.width, lens.height, where=path)
-        colour = _stream(topics, COLOUR_TOPIC, _COLOUR_IMAGE)
+        colour = next(iter(_streams(topics, COLOUR_TOPIC, _COLOUR_IMAGE)), None)
         unit = _text(database, topics, "/".join(depth.split("/")[:3]) + "/option/Depth_Units/value")
         streams = Streams(
             depth=lens,
@@ -98,10 +108,10 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
         raise damaged(path, f"{type(error).__name__}: {error}") from error
 
 
-def _stream(topics: dict[str, int], pattern: str, image: str) -> str | None:
-    """The first stream that has such images, by the part of its name that is common to its topics."""
+def _streams(topics: dict[str, int], pattern: str, image: str) -> list[str]:
+    """The streams that have such images, by the part of their names that is common to their topics."""
     streams = (name.removesuffix(image) for name in sorted(topics) if name.endswith(image))
-    return next((stream for stream in streams if re.fullmatch(pattern, stream)), None)
+    return [stream for stream in streams if re.fullmatch(pattern, stream)]
 
 
 def _text(database: sqlite3.Connection, topics: dict[str, int], topic: str) -> str | None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from capture.camera import Camera
 from capture.depth_png import LARGEST_PIXELS, LARGEST_SIDE
 from capture.errors import RecordingError
 from capture.recording import Sensor
+
+T = TypeVar("T")
 
 DEPTH_RANGE_M = (0.2, 4.0)
 """Readings of imported recordings are trusted in this range."""
@@ -144,6 +147,19 @@ def damaged(where: Path, why: object = "") -> RecordingError:
     return RecordingError(
         f"is truncated or damaged{f' ({words})' if words else ''}", where=where, remedy="record or copy it again"
     )
+
+
+def the_only(streams: Sequence[T], where: Path) -> T | None:
+    """The depth stream of a file, None if it has none.
+
+    Raises:
+        RecordingError: it has several, and which is meant cannot be known.
+    """
+    if len(streams) > 1:
+        raise RecordingError(
+            f"has {len(streams)} depth streams", where=where, remedy="record each sensor into a file of its own"
+        )
+    return streams[0] if streams else None
 
 
 def no_depth(where: Path, found: str) -> RecordingError:
