@@ -138,13 +138,14 @@ def test_what_the_chain_wrote_is_right(chain):
     assert errors["errors"]["skin"]["mean"] < 10.0
     assert errors["errors"]["angle elbow_flexion"]["mean"] < 10.0
     exported = {path.name for path in (folder / "exported").iterdir()}
-    assert {"angles.mot", "angles.csv", "centres.trc", "skin_00001.ply"} <= exported
+    assert {"angles.mot", "angles.csv", "centres.trc", "coordinates.sto", "skin_00001.ply"} <= exported
 
 
 def test_a_subject_is_exported_too(chain, tmp_path):
     ran = bonetrack("export", chain[0] / "subject.npz", "--out", tmp_path / "meshes")
     assert ran.code == 0
-    assert {"skin.ply", "humerus.ply"} <= {path.name for path in (tmp_path / "meshes").iterdir()}
+    written = {path.name for path in (tmp_path / "meshes").rglob("*")}
+    assert {"skin.ply", "humerus.ply", f"{ANATOMY}.osim", "humerus.obj"} <= written
 
 
 def test_a_left_limb_is_simulated_by_its_name(tmp_path):

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Anatomy, Floats, Joint
 from capture.rigid import exp_so3
 from track.motion import MotionError
 
@@ -24,8 +24,8 @@ def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
     for joint in anatomy.joints:
         index = [anatomy.coordinate_index(name) for name in joint.coordinates]
         if joint.type == "free":
-            angles = _finite_rows(thetas[:, index[:3]], lambda r: Rotation.from_rotvec(r).as_euler("XYZ"))
-            columns |= {f"{joint.name}_euler_{c}": _unwrapped(angles[:, k]) for k, c in enumerate("xyz")}
+            angles = _finite_rows(thetas[:, index[:3]], euler_angles)
+            columns |= {name: _unwrapped(angles[:, k]) for k, name in enumerate(euler_names(joint))}
             index, names = index[3:], joint.coordinates[3:]
         else:
             names = joint.coordinates
@@ -33,6 +33,16 @@ def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
             rotational = anatomy.coordinates[i].unit == "rad"
             columns[name] = np.rad2deg(thetas[:, i]) if rotational else thetas[:, i]
     return columns
+
+
+def euler_names(joint: Joint) -> tuple[str, str, str]:
+    """Names of the angles that a free joint's rotation vector is reported as."""
+    return f"{joint.name}_euler_x", f"{joint.name}_euler_y", f"{joint.name}_euler_z"
+
+
+def euler_angles(rotation_vectors: Floats) -> Floats:
+    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3)."""
+    return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))
 
 
 def thoraco_humeral(

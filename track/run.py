@@ -25,6 +25,7 @@ from capture.recording import Instant, Recording, instants
 from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.export.opensim_tables import write_mot, write_trc
+from track.export.osim_motion import with_coupled
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
 from track.shown import known_thetas
@@ -89,7 +90,7 @@ def write_motion_folder(
         root = next(joint for joint in subject.anatomy.joints if joint.type == "free")
         rotation = [subject.anatomy.coordinate_index(name) for name in root.coordinates[:3]]
         columns |= thoraco_humeral(world_from_thorax, thetas, rotation, side=subject.anatomy.side)
-    write_mot(out / "angles.mot", motion.times, columns)
+    write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
     write_trc(out / "centres.trc", motion.times, motion.centres)
     write_quality(out / "quality.csv", motion, subject.anatomy)
     save_motion(motion, out)

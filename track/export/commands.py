@@ -17,7 +17,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--frame", type=int, help="Also write skin and bones of this frame of a motion.")
 @click.option("--out", required=True, type=_PATH, help="The folder to write.")
 def export_command(source: Path, subject: Path | None, frame: int | None, out: Path) -> None:
-    """Write a subject or a motion (SOURCE) in formats that other tools read: PLY, .mot, .trc, CSV."""
+    """Write a subject or a motion (SOURCE) in formats that other tools read: PLY, .osim, .mot, .sto, .trc, CSV."""
     from adapt.subject import load_subject
     from track.export.files import export_motion, export_subject
     from track.motion import load_motion

@@ -15,21 +15,23 @@ from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
 from track.export.opensim_tables import write_mot, write_trc
+from track.export.osim import write_osim
+from track.export.osim_motion import with_coupled, write_states
 from track.motion import Motion, MotionError
 from track.shown import known_thetas, skin_shown
 
 
 def export_subject(subject: Subject, out: Path) -> list[Path]:
-    """Write the rest skin and every bone as PLY; returns the files."""
+    """Write the rest skin and every bone as PLY, and the OpenSim model with its meshes; returns the files."""
     out.mkdir(parents=True, exist_ok=True)
     written = [_ply(out / "skin.ply", subject.body.v_tilde.value, subject.anatomy.skin_faces)]
     for bone in subject.anatomy.bones:
         written.append(_ply(out / f"{bone.name}.ply", subject.body.rest_bones[bone.name], bone.faces))
-    return written
+    return written + write_osim(subject.body, out)
 
 
 def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | None = None) -> list[Path]:
-    """Write joint angles (``.mot``, CSV) and centres (``.trc``); with ``frame`` also that frame's skin and bones.
+    """Write joint angles (``.mot``, ``.sto``, CSV), centres (``.trc``), and with ``frame`` that frame's skin and bones.
 
     Bones that do not show in the frame are left out, with the skin that rides on them.
 
@@ -45,9 +47,15 @@ def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | N
         _check_frame(motion, frame)
     out.mkdir(parents=True, exist_ok=True)
     columns = reported_coordinates(subject.anatomy, known_thetas(subject.anatomy, motion.thetas, motion.shown))
-    write_mot(out / "angles.mot", motion.times, columns)
+    write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
+    write_states(out / "coordinates.sto", motion.times, subject.anatomy, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
-    written = [out / "angles.mot", out / "centres.trc", _csv(out / "angles.csv", motion.times, columns)]
+    written = [
+        out / "angles.mot",
+        out / "coordinates.sto",
+        out / "centres.trc",
+        _csv(out / "angles.csv", motion.times, columns),
+    ]
     if frame is not None:
         written += _posed(motion, subject.body, out, frame)
     return written

@@ -12,10 +12,14 @@ from capture.files import replaced_when_complete
 
 
 def write_mot(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
-    """Write coordinates (T,) over time (s): rotations in degrees, translations in metres; NaN stays ``nan``."""
+    """Write coordinates (T,) over time (s): rotations in degrees, translations in metres; NaN stays ``nan``.
+
+    Coordinates that OpenSim counts as coupled, named ``..._beta``, are given and written in radians.
+    """
     table = np.column_stack([times, *columns.values()])
     header = (
         f"Coordinates\nversion=1\nnRows={len(table)}\nnColumns={table.shape[1]}\ninDegrees=yes\n\n"
+        "Coupled coordinates (..._beta) are in radians, as OpenSim has them.\n"
         "Rotations are in degrees, translations in metres. What is not known is nan.\nendheader\n"
     )
     rows = ["\t".join(f"{value:.8f}" for value in row) for row in table]

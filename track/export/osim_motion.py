@@ -1,0 +1,45 @@
+"""Motions for the exported OpenSim model: every one of its coordinates has a column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from capture.files import replaced_when_complete
+from track.export.osim_joints import coupled_coordinates, joints_of_coordinates
+
+
+def with_coupled(anatomy: Anatomy, columns: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Reported columns (T,) in degrees, and those of the model's coupled coordinates in RADIANS.
+
+    OpenSim converts only coordinates that turn in proportion, so its own files have coupled ones in radians even where
+    they say ``inDegrees=yes``.
+    """
+    return {**columns, **{name: np.deg2rad(columns[of]) for name, of in coupled_coordinates(anatomy).items()}}
+
+
+def write_states(path: Path, times: Floats, anatomy: Anatomy, columns: Mapping[str, Floats]) -> None:
+    """Write reported columns (T,), of degrees and metres, as OpenSim's states table (``.sto``): radians and metres.
+
+    Columns are named by the state's whole path, as ``/jointset/elbow/elbow_flexion/value``, with coupled coordinates;
+    columns that are no coordinates of the model are passed over. OpenSim's reader takes the first ``nan`` for the end
+    of a file, so coordinates that are never known are left out, and then frames in which one is not.
+    """
+    lengths = {coordinate.name for coordinate in anatomy.coordinates if coordinate.unit == "m"}
+    in_si = {name: values if name in lengths else np.deg2rad(values) for name, values in columns.items()}
+    in_si |= {name: in_si[of] for name, of in coupled_coordinates(anatomy).items()}
+    joints = joints_of_coordinates(anatomy)
+    known = [name for name in joints if np.isfinite(in_si[name]).any()]
+    table = np.column_stack([times, *(in_si[name] for name in known)])
+    table = table[np.isfinite(table).all(axis=1)]
+    labels = ["time", *(f"/jointset/{joints[name]}/{name}/value" for name in known)]
+    header = (
+        f"coordinates\nDataType=double\nversion=3\nOpenSimVersion=4.6\ninDegrees=no\n"
+        f"nRows={len(table)}\nnColumns={table.shape[1]}\nendheader\n"
+    )
+    rows = ["\t".join(f"{value:.9f}" for value in row) for row in table]
+    with replaced_when_complete(path) as partial:
+        partial.write_text(header + "\t".join(labels) + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
