@@ -221,8 +221,8 @@ def _axis_turned_in_proportion(
 ) -> tuple[Rotation, Rotation]:
     """Axes of P and C near the given ones for which the first X-Y-Z angle of turns (N, 3, 3) is most nearly ``q`` (N,).
 
-    min over P, C of |f1(q) - q - mean|^2, where f are the angles of P^T R(q) C; the best of four starts, which differ
-    by quarter turns about x: which axis is turned about second.
+    min over P, C of |f1(q) - q - mean|^2, where f are the angles of P^T R(q) C; the better of two starts, which differ
+    by a quarter turn about x: which axis is turned about second.
     """
 
     def off_proportion(x: Floats) -> Floats:
@@ -230,7 +230,7 @@ def _axis_turned_in_proportion(
         off = np.unwrap(angles[:, 0]) - q
         return np.asarray(off - off.mean())
 
-    quarters = [Rotation.from_rotvec([turn, 0.0, 0.0]) for turn in np.deg2rad([0.0, 90.0, 180.0, 270.0])]
+    quarters = [Rotation.from_rotvec([turn, 0.0, 0.0]) for turn in (0.0, np.pi / 2.0)]
     starts = [np.concatenate([(p_turn * q).as_rotvec(), (c_turn * q).as_rotvec()]) for q in quarters]
     # The residuals are of 1e-4 rad: the usual tolerances would stop too early.
     fits = [least_squares(off_proportion, start, ftol=1e-10, xtol=1e-10, gtol=1e-14) for start in starts]
