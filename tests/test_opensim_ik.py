@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import sys
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from adapt.anatomy import Anatomy, load_anatomy
-from adapt.model.body import Body, pose_skin, rest_theta
+from adapt.model.body import Body, make_body, pose_skin, rest_theta
 from capture.rigid import exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
 from track.evaluation.errors import Truth
 from track.evaluation.markers import marker_set, marker_trial, markers_at_rest
-from track.evaluation.opensim_ik import OURS, Answer, _scores, comparison_rows, opensim_answers
-from track.evaluation.performance import PerformanceError, motion_names, perform, random_body
+from track.evaluation.opensim_ik import OURS, Answer, _scores, comparison_rows, main, motion_rows, opensim_answers
+from track.evaluation.opensim_tools import OpenSimError, opensim
+from track.evaluation.performance import PerformanceError, motion_names, motion_spans, perform, random_body
 from track.evaluation.reconstruction import differences, reconstruction_of_poses
 
 LIMBS = ("upper-limb-right", "lower-limb-left")
@@ -29,7 +34,7 @@ def body(anatomy) -> Body:
 
 
 def moving(body: Body) -> Truth:
-    performance = perform(body, motion_names(body.anatomy), seconds_each=0.5, fps=10.0, seed=2)
+    performance = perform(body, motion_names(body.anatomy), seconds_each=0.3, fps=10.0, seed=2)
     return Truth(body, performance.times, performance.thetas, {})
 
 
@@ -99,15 +104,50 @@ def test_only_frames_that_we_tracked_are_scored(body):
         OURS: Answer(reconstruction_of_poses(body, thetas, np.eye(4)), 0.2, 0.1),
         "other": Answer(reconstruction_of_poses(body, truth.thetas, turned), 0.002, 0.001),
     }
-    scores = _scores(body.anatomy, truth, answers)
+    spans = {"first": slice(0, 4), "rest": slice(4, None), "lost": slice(2, 3)}
+    scores = _scores(body.anatomy, truth, answers, spans)
     assert (scores["frames"], scores["lost"]) == (len(thetas), 1)
     root = body.anatomy.joints[0].name
     assert scores["errors"][OURS][f"centre {root}"]["max"] == pytest.approx(0.0, abs=1e-6)
     assert scores["errors"]["other"][f"centre {root}"]["mean"] > 1.0
     assert scores["apart"]["other"][f"centre {root}"] == scores["errors"]["other"][f"centre {root}"]
+    assert {name: part["scored"] for name, part in scores["by_motion"].items()} == {"first": 3, "rest": len(thetas) - 4}
     header, *rows = comparison_rows([scores, scores])
     assert header[2:4] == [OURS, "other"]
     assert {row[0]: row[2] for row in rows}["frames lost"] == f"2 of {2 * len(thetas)}"
+    assert len(motion_rows([scores])) == 1 + 2 * (len(body.anatomy.coordinates) - 6)
+
+
+def test_spans_are_the_frames_of_each_motion(body):
+    names = motion_names(body.anatomy)
+    performance = perform(body, names, seconds_each=0.5, fps=10.0)
+    spans = motion_spans(names, seconds_each=0.5, fps=10.0)
+    assert list(spans) == list(names)
+    assert [span.stop - span.start for span in spans.values()] == [5] * len(names)
+    assert spans[names[0]].start == 0
+    assert spans[names[-1]].stop == len(performance.times)
+
+
+def test_a_finished_subject_is_not_done_again_and_other_options_are_told(tmp_path):
+    pytest.importorskip("opensim", reason="OpenSim is not installed: pip install bonetrack[opensim]")
+    body = make_body(load_anatomy("upper-limb-right"))
+    truth = moving(body)
+    said = {name: Answer(reconstruction_of_poses(body, truth.thetas, np.eye(4)), 0.2, 0.1) for name in (OURS, "other")}
+    folder = tmp_path / "upper-limb-right-1"
+    folder.mkdir()
+    (folder / "comparison.json").write_text(json.dumps(_scores(body.anatomy, truth, said)))
+    ran = CliRunner().invoke(main, ["--seconds", "1", "--out", str(tmp_path)])
+    assert ran.exit_code == 0
+    assert "| angle elbow_flexion | deg | 0.00 ± 0.00 (0.0)" in (tmp_path / "upper-limb-right.md").read_text()
+    ran = CliRunner().invoke(main, ["--seconds", "2", "--out", str(tmp_path)])
+    assert ran.exit_code == 1
+    assert "other options" in ran.output
+
+
+def test_a_missing_opensim_is_one_clear_error(monkeypatch):
+    monkeypatch.setitem(sys.modules, "opensim", None)
+    with pytest.raises(OpenSimError, match="not installed"):
+        opensim()
 
 
 def test_opensim_with_the_true_model_finds_the_truth_and_with_a_scaled_one_comes_near(body, tmp_path):

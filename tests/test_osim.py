@@ -10,6 +10,7 @@ import pytest
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.model.body import Body, bone_frames, make_body, posed_bones, rest_theta
 from track.angles import reported_coordinates
+from track.evaluation import opensim_tools
 from track.evaluation.performance import Performance, motion_names, perform, random_body
 from track.export.opensim_tables import write_mot
 from track.export.osim import landmark_markers, write_osim
@@ -52,9 +53,8 @@ def whole_range(body: Body, count: int = 12) -> Performance:
 
 
 def opensim():
-    module = pytest.importorskip("opensim", reason="OpenSim is not installed: pip install bonetrack[opensim]")
-    module.Logger.setLevelString("error")
-    return module
+    pytest.importorskip("opensim", reason="OpenSim is not installed: pip install bonetrack[opensim]")
+    return opensim_tools.opensim()
 
 
 def ground_transform(frame, state):

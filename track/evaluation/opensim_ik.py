@@ -21,7 +21,7 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.table import Table
+from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.fit.recording import adapt_recording
@@ -34,14 +34,24 @@ from capture.recording import Recording, open_recording
 from track.evaluation.benchmark import hold_to_one_thread
 from track.evaluation.errors import Truth, read_truth, world_from_common
 from track.evaluation.markers import MarkerSet, marker_set, marker_trial, markers_at_rest
-from track.evaluation.opensim_tools import opensim, replayed, scaled_model, solve_kinematics
-from track.evaluation.performance import FPS, Performance, motion_names, perform, perform_tables, random_body
+from track.evaluation.opensim_tools import OpenSimError, opensim, replayed, scaled_model, solve_kinematics
+from track.evaluation.performance import (
+    FPS,
+    Performance,
+    motion_names,
+    motion_spans,
+    perform,
+    perform_tables,
+    random_body,
+)
 from track.evaluation.protocol import NOISES, calibrated
 from track.evaluation.reconstruction import Reconstruction, differences, reconstruction_of_poses
 from track.evaluation.simulate import simulate_performance
 from track.export.osim import write_osim
 from track.motion import Motion, load_motion
 from track.run import track_recording
+
+Bools = NDArray[np.bool_]
 
 ACCURACIES = (1e-5, 1e-7)  # OpenSim's default, and one at which its answer no longer depends on it
 OURS = "bonetrack"
@@ -73,7 +83,8 @@ def compare_subject(
     ours = reconstruction_of_poses(subject.body, _at(motion, truth), world_from_common(recording, truth))
     answers = {OURS: Answer(ours, **per_frame)}
     answers |= opensim_answers(truth, folder / "opensim", np.random.default_rng(seed))
-    return {"seed": seed, "noise": noise, "seconds_each": seconds_each} | _scores(anatomy, truth, answers)
+    spans = {} if tables else motion_spans(motion_names(anatomy), seconds_each=seconds_each)
+    return {"seed": seed, "noise": noise, "seconds_each": seconds_each} | _scores(anatomy, truth, answers, spans)
 
 
 def _our_motion(
@@ -122,9 +133,7 @@ def opensim_answers(truth: Truth, folder: Path, rng: np.random.Generator) -> dic
             solved = solve_kinematics(model, trial, truth.times, markers, accuracy, folder / f"ik_{name}")
             said = replayed(model, solved.motion, of)
             frames = len(truth.times)
-            answers[f"OpenSim, {name} model, {accuracy:g}"] = Answer(
-                said, solved.wall_s / frames, solved.processor_s / frames
-            )
+            answers[f"OpenSim {name} {accuracy:g}"] = Answer(said, solved.wall_s / frames, solved.processor_s / frames)
     return answers
 
 
@@ -132,22 +141,37 @@ def _model(body: Body, markers: MarkerSet, folder: Path) -> Path:
     return write_osim(body, folder, markers=markers_at_rest(body, markers))[0]
 
 
-def _scores(anatomy: Anatomy, truth: Truth, answers: dict[str, Answer]) -> dict[str, Any]:
-    """Errors of every answer and its differences from ours, over the frames that we tracked."""
+def _scores(
+    anatomy: Anatomy, truth: Truth, answers: dict[str, Answer], spans: dict[str, slice] | None = None
+) -> dict[str, Any]:
+    """Errors of every answer and its differences from ours, over the frames that we tracked; also by motion."""
     faces = {bone.name: bone.faces for bone in anatomy.bones}
     right = reconstruction_of_poses(truth.body, truth.thetas, np.eye(4))
     tracked = np.isfinite(next(iter(answers[OURS].said.angles.values())))
-    others = {name: answer for name, answer in answers.items() if name != OURS}
-    return {
+    errors = {name: differences(answer.said, right, faces) for name, answer in answers.items()}
+    apart = {n: differences(a.said, answers[OURS].said, faces) for n, a in answers.items() if n != OURS}
+    parts = {name: _only(span, tracked) for name, span in (spans or {}).items()}
+
+    def summed(chosen: Bools) -> dict[str, Any]:
+        kinds = {"errors": errors, "apart": apart}
+        return {kind: {name: _summaries(d, chosen) for name, d in of.items()} for kind, of in kinds.items()}
+
+    return summed(tracked) | {
         "frames": len(tracked),
         "lost": int((~tracked).sum()),
-        "errors": {n: _summaries(differences(a.said, right, faces), tracked) for n, a in answers.items()},
-        "apart": {n: _summaries(differences(a.said, answers[OURS].said, faces), tracked) for n, a in others.items()},
+        "by_motion": {name: summed(part) | {"scored": int(part.sum())} for name, part in parts.items() if part.any()},
         "seconds_per_frame": {n: {"wall": a.wall_s, "processor": a.processor_s} for n, a in answers.items()},
     }
 
 
-def _summaries(apart: dict[tuple[str, str], Floats], chosen: np.ndarray) -> dict[str, dict[str, Any]]:
+def _only(span: slice, tracked: Bools) -> Bools:
+    """The tracked frames (T,) of a span."""
+    part = np.zeros_like(tracked)
+    part[span] = tracked[span]
+    return part
+
+
+def _summaries(apart: dict[tuple[str, str], Floats], chosen: Bools) -> dict[str, dict[str, Any]]:
     summaries = {}
     for (name, unit), series in apart.items():
         values = series[chosen]
@@ -163,10 +187,10 @@ def comparison_rows(results: list[dict[str, Any]]) -> list[list[str]]:
     """
     tools, compared = list(results[0]["errors"]), next(iter(results[0]["apart"]))
     rows = [["", "unit", *tools, f"{compared} - {OURS}"]]
+    share = _share([r["frames"] - r["lost"] for r in results])
     for kind, first in results[0]["errors"][OURS].items():
-        cells = [_pooled([r["errors"][tool][kind] for r in results], _weights(results)) for tool in tools]
-        cells.append(_pooled([r["apart"][compared][kind] for r in results], _weights(results)))
-        rows.append([kind, first["unit"], *cells])
+        cells = [_pooled([r["errors"][tool][kind] for r in results], share) for tool in tools]
+        rows.append([kind, first["unit"], *cells, _pooled([r["apart"][compared][kind] for r in results], share)])
     for clock in ("wall", "processor"):
         seconds = [np.mean([r["seconds_per_frame"][tool][clock] for r in results]) for tool in tools]
         rows.append([f"time a frame, {clock}", "ms", *[f"{1e3 * value:.1f}" for value in seconds], ""])
@@ -175,10 +199,26 @@ def comparison_rows(results: list[dict[str, Any]]) -> list[list[str]]:
     return rows
 
 
-def _weights(results: list[dict[str, Any]]) -> Floats:
+def motion_rows(results: list[dict[str, Any]]) -> list[list[str]]:
+    """The paper's table 1: how far both tools' angles are apart, motion by motion, and how far each is from the truth.
+
+    Mean ± SD (maximum) in degrees; OpenSim with the scaled model at its default accuracy.
+    """
+    compared = next(iter(results[0]["apart"]))
+    rows = [["motion", "angle", f"{compared} - {OURS}", f"{OURS} - truth", f"{compared} - truth"]]
+    for motion in results[0]["by_motion"]:
+        parts = [r["by_motion"][motion] for r in results if motion in r["by_motion"]]
+        share = _share([part["scored"] for part in parts])
+        for kind in (kind for kind in parts[0]["errors"][OURS] if kind.startswith("angle ")):
+            columns = (("apart", compared), ("errors", OURS), ("errors", compared))
+            cells = [_pooled([part[what][tool][kind] for part in parts], share) for what, tool in columns]
+            rows.append([motion, kind.removeprefix("angle "), *cells])
+    return rows
+
+
+def _share(frames: Sequence[int]) -> Floats:
     """Each subject's share of the frames."""
-    counts = np.array([r["frames"] - r["lost"] for r in results], dtype=np.float64)
-    return np.asarray(counts / counts.sum())
+    return np.asarray(np.array(frames, dtype=np.float64) / sum(frames))
 
 
 def _pooled(summaries: list[dict[str, Any]], share: Floats) -> str:
@@ -189,20 +229,35 @@ def _pooled(summaries: list[dict[str, Any]], share: Floats) -> str:
     return f"{mean:.2f} ± {deviation:.2f} ({max(s['max'] for s in summaries):.1f})"
 
 
+def _claim(folder: Path, made_from: dict[str, Any]) -> None:
+    """Make the folder, or go on in one that was made for the same.
+
+    Raises:
+        OpenSimError: what stands there is from other options.
+    """
+    path = folder / "made_from.json"
+    if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != made_from:
+        raise OpenSimError("holds the results of other options", where=folder, remedy="give another --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(path, made_from)
+
+
 def _write(path: Path, content: dict[str, Any]) -> None:
     with replaced_when_complete(path) as partial:
         partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _show(results: list[dict[str, Any]], title: str, markdown: Path) -> None:
-    header, *rows = comparison_rows(results)
-    table = Table(*header, title=title)
-    for row in rows:
-        table.add_row(*row)
-    stdout.print(table)
-    lines = [header, ["---"] * len(header), *rows]
+def _show(results: list[dict[str, Any]], markdown: Path) -> None:
+    """Print both tables and write them as Markdown."""
+    tables = [comparison_rows(results)] + ([motion_rows(results)] if results[0]["by_motion"] else [])
+    text = "\n".join("".join(f"| {' | '.join(row)} |\n" for row in _with_rule(rows)) for rows in tables)
+    stdout.print(text, markup=False, highlight=False, soft_wrap=True)
     with replaced_when_complete(markdown) as partial:
-        partial.write_text("\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n", encoding="utf-8")
+        partial.write_text(text, encoding="utf-8")
+
+
+def _with_rule(rows: list[list[str]]) -> list[list[str]]:
+    return [rows[0], ["---"] * len(rows[0]), *rows[1:]]
 
 
 @click.command()
@@ -231,14 +286,15 @@ def main(
         for seed in range(first_seed, first_seed + subjects):
             folder = out / f"{anatomy}-{seed}"
             done = folder / "comparison.json"
+            made_from = {"noise": noise, "seconds_each": seconds, "tables": [str(table) for table in tables]}
+            _claim(folder, made_from)
             if not done.is_file():
-                folder.mkdir(parents=True, exist_ok=True)
                 with stdout.status(f"subject {seed}"):
                     _write(done, compare_subject(template, seed, noise, seconds, folder, tables=tables))
             results.append(json.loads(done.read_text(encoding="utf-8")))
     except BonetrackError as error:
         raise click.ClickException(str(error)) from error
-    _show(results, f"{anatomy}, {subjects} subject(s), {seconds:g} s a motion", out / f"{anatomy}.md")
+    _show(results, out / f"{anatomy}.md")
 
 
 if __name__ == "__main__":

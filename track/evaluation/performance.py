@@ -29,6 +29,7 @@ LENGTH_SPREAD = 0.08
 SCALE_SPREAD = 0.06
 _SOFT_REACH_M = 0.04
 _SOFT_BUMPS = 200
+_TRANSITIONS_PER_S = 3.0  # neighbouring motions are joined by a transition of a third of a second
 _SWAY_DEG, _SWAY_M = 25.0, 0.02  # enough to show the back of a joint now and then
 
 
@@ -104,7 +105,7 @@ def perform(
     known = _motions(body.anatomy)
     waves = [{name: _wave(phase, **wave) for name, wave in known[motion].items()} for motion in motions]
     parts = [_theta(body, columns, count) for columns in waves]
-    thetas = _sway(body, joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
+    thetas = _sway(body, joined(parts, round(fps / _TRANSITIONS_PER_S)), fps, np.random.default_rng(seed))
     return Performance(body, np.arange(len(thetas)) / fps, thetas)
 
 
@@ -119,7 +120,7 @@ def perform_tables(
         PerformanceError: a table cannot be read.
     """
     parts = [_liveliest(_resampled(read_motion_table(path, body), fps), round(seconds_each * fps)) for path in tables]
-    thetas = _sway(body, joined(parts, round(fps / 3.0)), fps, np.random.default_rng(seed))
+    thetas = _sway(body, joined(parts, round(fps / _TRANSITIONS_PER_S)), fps, np.random.default_rng(seed))
     return Performance(body, np.arange(len(thetas)) / fps, thetas)
 
 
@@ -181,6 +182,13 @@ def _theta(body: Body, columns: dict[str, Floats], count: int) -> Floats:
     for name, values in columns.items():
         thetas[:, body.anatomy.coordinate_index(name)] = values
     return thetas
+
+
+def motion_spans(motions: Sequence[str], *, seconds_each: float, fps: float = FPS) -> dict[str, slice]:
+    """The frames of each motion in what ``perform`` makes of them, without the transitions."""
+    count, between = round(seconds_each * fps), round(fps / _TRANSITIONS_PER_S)
+    starts = [k * (count + between) for k in range(len(motions))]
+    return {name: slice(start, start + count) for name, start in zip(motions, starts, strict=True)}
 
 
 def joined(parts: list[Floats], transition: int) -> Floats:
