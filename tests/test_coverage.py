@@ -23,6 +23,7 @@ def stated(limb) -> Motion:
         thetas=limb.thetas + 1.5 * size,
         deviations=size,
         lost=("",) * len(limb.times),
+        shown=np.ones((len(limb.times), len(limb.subject.anatomy.bones)), dtype=bool),
         residuals=np.zeros(len(limb.times)),
         coverage=np.ones(len(limb.times)),
         matches=np.full(len(limb.times), 1000.0),
@@ -54,9 +55,12 @@ def test_a_rotation_vector_is_the_same_a_turn_further(limb, stated):
     assert np.abs(errors).max() < 0.05
 
 
-def test_frames_that_were_lost_are_left_out(limb, stated):
-    lost = ("gone", *stated.lost[1:])
-    assert len(score_motion(replace(stated, lost=lost), limb.recording).errors) == len(limb.times) - 1
+def test_frames_that_were_lost_or_partly_guessed_are_left_out(limb, stated):
+    lost, shown = ("gone", *stated.lost[1:]), stated.shown.copy()
+    shown[1, -1] = False
+    assert len(score_motion(replace(stated, lost=lost, shown=shown), limb.recording).errors) == len(limb.times) - 2
+    with pytest.raises(MotionError, match="leave this subject out"):
+        score_motion(replace(stated, shown=np.zeros_like(shown)), limb.recording)
 
 
 def test_another_anatomys_motion_is_refused(limb, stated):

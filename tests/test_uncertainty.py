@@ -125,6 +125,20 @@ def test_a_poses_covariance_is_positive_and_grows_with_the_tissues(limb, covaria
     assert np.sqrt(np.diag(both)[6:]).max() > 1.2 * np.sqrt(np.diag(shape_alone)[6:]).min()
 
 
+def test_a_pose_that_rests_on_a_few_scattered_matches_is_unsure_and_not_without_deviation(limb, covariance):
+    sample = sample_skin(limb.subject.anatomy, at_most=1500)
+    fit = fit_pose(limb.subject.body, limb.targets[2], limb.thetas[2], sample)
+    few = slice(None, None, len(fit.matches) // 30)
+    names = ("vertex", "target", "normal", "distance")
+    matches = replace(fit.matches, **{name: getattr(fit.matches, name)[few] for name in names})
+    known = replace(limb.subject, covariance=covariance)
+    sure, unsure = (
+        np.diag(pose_covariance(known, f, sample)) for f in (fit, PoseFit(fit.theta, matches, matches.distance))
+    )
+    assert np.isfinite(unsure).all()
+    assert (unsure > sure).all()
+
+
 def z_scores(limb, covariance: Floats, stated_covariance: Floats, *, draws: int = 60) -> Floats:
     """Errors in stated deviations (draws, n) of bodies drawn from ``covariance``, on skin with noisy patches."""
     rng, body = np.random.default_rng(11), limb.subject.body

@@ -24,9 +24,12 @@ def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: Sk
     """Standard deviation (m) of a patch's mean distance from the cloud, along the normal, over K poses.
 
     Patches are cubes of the rest skin with PATCH_M2 sides. ``parameters`` is how many of them the fit has used up:
-    what it could bend to the data no longer shows in the distances.
+    what it could bend to the data no longer shows in the distances. Where too few vertices matched to fill a patch,
+    nothing speaks against the most.
     """
     means = np.concatenate([_patch_means(anatomy, match, sample) for match in matches])
+    if not len(means):
+        return _MOST_M
     free = max(len(means) - parameters, 0.1 * len(means))
     return float(np.clip(np.sqrt((means**2).sum() / free), _LEAST_M, _MOST_M))
 

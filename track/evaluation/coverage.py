@@ -25,6 +25,7 @@ from capture.recording import Recording, open_recording
 from capture.rigid import apply, exp_so3, inverse, log_so3
 from track.evaluation.errors import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
+from track.shown import coordinates_known
 
 WITHIN = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 _DRAWS = 2000
@@ -33,7 +34,7 @@ _MORE = np.linspace(0.0, 3.0, 61)
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """The T tracked frames of one subject: errors (T, n) and the deviations stated for them (T, n), rad or m."""
+    """T frames of one subject, tracked with nothing guessed: errors (T, n) and what is stated for them, rad or m."""
 
     anatomy: Anatomy
     errors: Floats = field(repr=False)
@@ -67,7 +68,7 @@ def score_motion(motion: Motion, recording: Recording) -> Scores:
     """A motion's errors beside what it states, frame by frame.
 
     Raises:
-        MotionError: no truth, or another anatomy's.
+        MotionError: no truth, or another anatomy's, or no frame in which every coordinate is known.
     """
     truth = read_truth(recording)
     anatomy = truth.body.anatomy
@@ -77,7 +78,11 @@ def score_motion(motion: Motion, recording: Recording) -> Scores:
             where=recording.path,
             remedy="give the recording that was tracked",
         )
-    frames = np.flatnonzero(motion.tracked)
+    frames = np.flatnonzero(motion.tracked & coordinates_known(anatomy, motion.shown).all(axis=1))
+    if not len(frames):
+        raise MotionError(
+            "no frame was tracked with every coordinate known", where=recording.path, remedy="leave this subject out"
+        )
     at = np.abs(truth.times[None] - motion.times[frames, None]).argmin(axis=1)
     common_from_world = inverse(world_from_common(recording, truth))
     true = np.array([_carried(anatomy, theta, common_from_world) for theta in truth.thetas[at]])
