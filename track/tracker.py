@@ -14,6 +14,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
+from adapt.fit.follow import follow_pose
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundSkin, find_skin, score_pose
@@ -32,8 +33,6 @@ _MEMORY_S = 0.25  # a velocity older than this says nothing any more
 LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 LARGEST_RESIDUAL_M = 0.006
-_GATE_M = 0.03
-_UPDATES, _STEPS = 8, 1
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 _LONGEST_WAIT_S = 8.0  # between searches for bones out of sight
 
@@ -121,16 +120,7 @@ class Tracker:
         anatomy = self.subject.anatomy
         prior = predict(anatomy, state, time_s)
         try:
-            fit = fit_pose(
-                self.subject.body,
-                target,
-                prior.mean,
-                self.sample,
-                updates=_UPDATES,
-                steps=_STEPS,
-                gate_m=_GATE_M,
-                prior=prior,
-            )
+            fit = follow_pose(self.subject.body, target, prior, self.sample)
         except FitError as error:
             return _lost(anatomy, time_s, error.problem), state
         frame, known_s = self._judge(fit, target, time_s, state.known_s, least=1)

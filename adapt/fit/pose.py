@@ -77,13 +77,15 @@ def fit_pose(
     updates: int = 12,
     steps: int = 3,
     gate_m: float = GATE_M,
+    still: float = _STILL_RAD_OR_M,
     prior: GaussianPose | None = None,
     plane_weight: float = PLANE_WEIGHT,
 ) -> PoseFit:
     """Pose ``body`` into the cloud from the start ``theta`` (n,).
 
     Each of at most ``updates`` rounds finds correspondences, then takes Levenberg-Marquardt steps. The gate
-    closes as the fit improves, so that late rounds rest on sure matches only.
+    closes as the fit improves, so that late rounds rest on sure matches only. It stops early when no coordinate moves
+    by ``still`` (rad, m) any more.
 
     Raises:
         FitError: fewer than 30 skin vertices find a target.
@@ -94,7 +96,7 @@ def fit_pose(
         energy = PoseEnergy(body, matches, sample.observations[matches.vertex], prior, plane_weight)
         theta = levenberg_marquardt(energy.quadratic, theta, steps=steps, energy=energy.value)
         matches = match_pose(body, target, theta, sample, gate_m=next_gate(matches, gate_m))
-        if np.abs(theta - before).max() < _STILL_RAD_OR_M:
+        if np.abs(theta - before).max() < still:
             break
     theta = wrap(body.anatomy, theta)  # only now: inside the loop it would leave the prior's mean a turn away
     return PoseFit(theta, matches, matches.distance)
