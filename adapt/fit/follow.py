@@ -23,7 +23,7 @@ from adapt.model.body import Body, pose_skin
 _REACH_M = 0.08  # a toe at 30 frames a second turns round by less
 _TRUSTED_M = 0.01
 _ROUNDS = 8
-_NEARLY_RAD_OR_M = 2e-3  # a pose that moves less between two rounds has caught up
+_NEARLY_RAD_OR_M = 5e-3  # a pose that moves less between two rounds has caught up
 _GATE_M = 0.03
 _UPDATES = 12
 _STILL_RAD_OR_M = 3e-4  # far below what noise moves a pose by from frame to frame
