@@ -191,6 +191,30 @@ def _print_imported(recording: Recording) -> None:
     stdout.print(recording.created_by, highlight=False, soft_wrap=True)
 
 
+@click.command("record")
+@click.option("--out", required=True, type=_PATH, help="The recording folder to make.")
+@click.option(
+    "--seconds", type=click.FloatRange(0, min_open=True), required=True, help="How long; Ctrl-C ends it before."
+)
+@click.option("--sensor", multiple=True, help="A camera's name, once for each [default: sensor, or sensor-1, ...].")
+@click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
+def record_command(out: Path, seconds: float, sensor: tuple[str, ...], overwrite: bool) -> None:
+    """Record the depth of all RealSense cameras that are connected."""
+    from capture.live import connected, record
+
+    devices = connected(out)
+    with stdout.status("waiting for frames") as status:
+        recording = record(
+            devices,
+            out,
+            seconds=seconds,
+            sensor_names=sensor,
+            overwrite=overwrite,
+            progress=lambda now, written, lost: status.update(f"{now:.1f} s: {written} frames, {lost} lost"),
+        )
+    _print_imported(recording)
+
+
 @click.command("calibrate")
 @click.argument("recording", type=_PATH)
 def calibrate_command(recording: Path) -> None:

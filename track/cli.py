@@ -8,7 +8,7 @@ import sys
 import click
 
 from adapt.commands import adapt_command
-from capture.commands import calibrate_command, fuse_command, import_command
+from capture.commands import calibrate_command, fuse_command, import_command, record_command
 from capture.console import stderr
 from capture.errors import BonetrackError
 from track.commands import demo_command, track_command
@@ -28,6 +28,7 @@ for command in (
     demo_command,
     simulate_command,
     import_command,
+    record_command,
     calibrate_command,
     fuse_command,
     adapt_command,
