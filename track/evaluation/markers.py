@@ -9,12 +9,13 @@ motion; and pairs of markers whose distances scale a bone along its axes.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.mirror import mirrored_name
@@ -81,6 +82,15 @@ def _marker(template: Body, name: str, parts: dict[str, Any], across: float) -> 
     off = np.where((forward > -_BEHIND_M) & (anatomy.fit_weight > _COUNTED), aside + _FORWARD * forward, np.inf)
     vertex = int(np.argmin(off))
     return VirtualMarker(name, parts["bone"], vertex, *parts["weights"])
+
+
+def misplaced(markers: MarkerSet, anatomy: Anatomy, *, deviation_m: float, rng: np.random.Generator) -> MarkerSet:
+    """Markers as a hand sticks them: on the skin vertex nearest to the right place plus an isotropic normal error."""
+    skin = anatomy.skin_vertices
+    meant = skin[markers.vertices] + deviation_m * rng.normal(size=(len(markers.markers), 3))
+    stuck = cKDTree(skin).query(meant)[1]
+    moved = (replace(marker, vertex=int(v)) for marker, v in zip(markers.markers, stuck, strict=True))
+    return replace(markers, markers=tuple(moved))
 
 
 def markers_at_rest(body: Body, markers: MarkerSet) -> dict[str, Marker]:

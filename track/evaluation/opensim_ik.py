@@ -33,7 +33,7 @@ from capture.files import replaced_when_complete
 from capture.recording import Recording, open_recording
 from track.evaluation.benchmark import hold_to_one_thread
 from track.evaluation.errors import Truth, read_truth, world_from_common
-from track.evaluation.markers import MarkerSet, marker_set, marker_trial, markers_at_rest
+from track.evaluation.markers import MarkerSet, marker_set, marker_trial, markers_at_rest, misplaced
 from track.evaluation.opensim_tools import OpenSimError, opensim, replayed, scaled_model, solve_kinematics
 from track.evaluation.performance import (
     FPS,
@@ -56,6 +56,7 @@ Bools = NDArray[np.bool_]
 ACCURACIES = (1e-5, 1e-7)  # OpenSim's default, and one at which its answer no longer depends on it
 OURS = "bonetrack"
 MARKER_NOISE_M = 0.0005
+PLACEMENT_M = 0.005  # standard deviation along each axis with which a hand finds a marker's place
 _STATIC_FRAMES = 30
 
 
@@ -116,25 +117,35 @@ def _at(motion: Motion, truth: Truth) -> Floats:
 
 
 def opensim_answers(truth: Truth, folder: Path, rng: np.random.Generator) -> dict[str, Answer]:
-    """OpenSim on markers of the true skin: with the template scaled and placed, and with the true body's own model.
+    """OpenSim on markers of the true skin, in three laboratories.
 
-    The static trial is a second at rest, which OpenSim is not told the angles of.
+    "scaled": the template, scaled to a static trial and with its markers placed there. "misplaced": the same, but the
+    markers are stuck on by a hand that errs. "true": the true body's own model, its markers known exactly. The static
+    trial is a second at rest, which OpenSim is not told the angles of.
     """
-    template, markers = make_body(truth.body.anatomy), marker_set(truth.body.anatomy)
-    resting = np.tile(rest_theta(truth.body), (_STATIC_FRAMES, 1))
-    static = marker_trial(truth.body, resting, markers, noise_m=MARKER_NOISE_M, rng=rng)
-    trial = marker_trial(truth.body, truth.thetas, markers, noise_m=MARKER_NOISE_M, rng=rng)
-    generic = _model(template, markers, folder / "generic")
-    scaled = scaled_model(generic, static, np.arange(_STATIC_FRAMES) / FPS, markers, folder / "scaled")
-    models = {"scaled": (scaled, template), "true": (_model(truth.body, markers, folder / "true"), truth.body)}
+    body, template, right = truth.body, make_body(truth.body.anatomy), marker_set(truth.body.anatomy)
+    wrong = misplaced(right, body.anatomy, deviation_m=PLACEMENT_M, rng=rng)
+    generic = _model(template, right, folder / "generic")
+    laboratories = {
+        "scaled": (_scaled(body, generic, right, folder / "scaled", rng), template, right, ACCURACIES),
+        "misplaced": (_scaled(body, generic, wrong, folder / "misplaced", rng), template, wrong, ACCURACIES[:1]),
+        "true": (_model(body, right, folder / "true"), body, right, ACCURACIES),
+    }
     answers = {}
-    for name, (model, of) in models.items():
-        for accuracy in ACCURACIES:
+    for name, (model, of, markers, accuracies) in laboratories.items():
+        trial = marker_trial(body, truth.thetas, markers, noise_m=MARKER_NOISE_M, rng=rng)
+        for accuracy in accuracies:
             solved = solve_kinematics(model, trial, truth.times, markers, accuracy, folder / f"ik_{name}")
-            said = replayed(model, solved.motion, of)
-            frames = len(truth.times)
+            said, frames = replayed(model, solved.motion, of), len(truth.times)
             answers[f"OpenSim {name} {accuracy:g}"] = Answer(said, solved.wall_s / frames, solved.processor_s / frames)
     return answers
+
+
+def _scaled(body: Body, generic: Path, markers: MarkerSet, folder: Path, rng: np.random.Generator) -> Path:
+    """The generic model, scaled to a static trial of the body's markers."""
+    resting = np.tile(rest_theta(body), (_STATIC_FRAMES, 1))
+    static = marker_trial(body, resting, markers, noise_m=MARKER_NOISE_M, rng=rng)
+    return scaled_model(generic, static, np.arange(_STATIC_FRAMES) / FPS, markers, folder)
 
 
 def _model(body: Body, markers: MarkerSet, folder: Path) -> Path:
