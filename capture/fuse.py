@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from capture.background import background_planes, without_planes
 from capture.camera import Camera, ray_slopes
+from capture.compiled import compiled
 from capture.errors import CloudError
 from capture.files import replaced_when_complete
 from capture.normals import surface_at
@@ -108,17 +109,35 @@ def spread(points: Floats, *, spacing_m: float) -> NDArray[np.intp]:
     """Indices of well-spread points of (N, 3): of each cube of that size the point nearest to its centre."""
     if not len(points):
         return np.zeros(0, dtype=np.intp)
-    scaled = points / spacing_m
-    cell = np.floor(scaled)
-    off_centre = ((scaled - cell - 0.5) ** 2).sum(axis=1)
-    cell = (cell - cell.min(axis=0)).astype(np.int64)
-    extent = cell.max(axis=0) + 1
-    key = (cell[:, 0] * extent[1] + cell[:, 1]) * extent[2] + cell[:, 2]
-    # One sort by cube, then by distance in 1/1024 of the farthest there is (3/4).
-    order = np.argsort(key * 1024 + (off_centre * (1023.0 / 0.75)).astype(np.int64), kind="stable")
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = np.diff(key[order]) != 0
-    return np.sort(order[first])
+    size = 1 << int(4 * len(points) - 1).bit_length()  # a table that stays three quarters empty
+    kept = _keep_central(points / spacing_m, np.full(size, -1), np.zeros(len(points), dtype=np.bool_))
+    return np.flatnonzero(kept)
+
+
+@compiled
+def _keep_central(scaled: Floats, table: NDArray[np.intp], kept: Mask) -> Mask:
+    """Marks of each unit cube the one of the points (N, 3) that is nearest to its centre.
+
+    ``table`` is a hash table, -1 where empty, of the best point of each cube so far.
+    """
+    last = len(table) - 1
+    for m in range(len(scaled)):
+        x, y, z = np.floor(scaled[m, 0]), np.floor(scaled[m, 1]), np.floor(scaled[m, 2])
+        slot = (int(x) * 73856093 ^ int(y) * 19349663 ^ int(z) * 83492791) & last
+        while table[slot] >= 0:
+            other = scaled[table[slot]]
+            if np.floor(other[0]) == x and np.floor(other[1]) == y and np.floor(other[2]) == z:
+                break
+            slot = (slot + 1) & last
+        if table[slot] >= 0:
+            rival = table[slot]
+            a, b, c = scaled[m, 0] - x - 0.5, scaled[m, 1] - y - 0.5, scaled[m, 2] - z - 0.5
+            d, e, f = scaled[rival, 0] - x - 0.5, scaled[rival, 1] - y - 0.5, scaled[rival, 2] - z - 0.5
+            if a * a + b * b + c * c >= d * d + e * e + f * f:
+                continue
+            kept[rival] = False
+        table[slot], kept[m] = m, True
+    return kept
 
 
 def write_ply(cloud: Cloud, path: Path) -> None:

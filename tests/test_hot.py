@@ -11,11 +11,13 @@ from scipy.spatial import cKDTree
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.fit.correspondences import visible_from
 from adapt.fit.nearest import PointGrid
+from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
+from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera
-from capture.fuse import View
+from capture.fuse import View, spread
 from capture.patches import fit_patches, fit_patches_by_arrays
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
@@ -41,6 +43,29 @@ def test_the_posed_skin_and_its_derivatives_are_those_of_the_model(name: str, sp
     np.testing.assert_allclose(pose_skin(body, theta, vertices=rows), whole.value[rows], atol=1e-12)
     np.testing.assert_allclose(fast.value, whole.value[rows], atol=1e-12)
     np.testing.assert_allclose(fast.d, whole.d[rows][:, :, : len(theta)], atol=1e-9)
+
+
+def test_normals_of_a_sample_are_those_of_the_whole_mesh() -> None:
+    anatomy, rng = load_anatomy("upper-limb-right"), np.random.default_rng(8)
+    skin = anatomy.skin_vertices + rng.normal(0.0, 0.001, anatomy.skin_vertices.shape)
+    sample = sample_skin(anatomy, at_most=500)
+    whole = vertex_normals(skin, anatomy.skin_faces, incidence(anatomy.skin_faces, len(skin)))
+    normals = sample.normals(skin)
+    np.testing.assert_allclose(normals[sample.vertices], whole[sample.vertices], atol=1e-12)
+    assert not np.delete(normals, sample.vertices, axis=0).any()
+
+
+def test_of_each_cube_the_point_nearest_to_its_centre_is_kept() -> None:
+    points = np.random.default_rng(9).uniform(-0.3, 0.4, (5000, 3))
+    chosen = spread(points, spacing_m=0.05)
+    cell = np.floor(points / 0.05).astype(int)
+    off = np.linalg.norm(points / 0.05 - cell - 0.5, axis=1)
+    best = {tuple(key): np.inf for key in cell}
+    for key, value in zip(map(tuple, cell), off, strict=True):
+        best[key] = min(best[key], value)
+    assert len(chosen) == len(best)
+    assert all(off[i] < best[tuple(cell[i])] + 1e-3 for i in chosen)
+    assert (np.diff(chosen) > 0).all()
 
 
 @pytest.mark.parametrize("bound", [np.inf, 0.03, 0.001])

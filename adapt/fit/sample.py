@@ -9,7 +9,8 @@ from scipy import sparse
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.least_squares import PATCH_M2, SIGMA_M
-from adapt.model.surface import incidence, vertex_areas, vertex_normals
+from adapt.model.hot.normals import fill_normals
+from adapt.model.surface import incidence, vertex_areas
 from adapt.tissue import tissue_field
 
 _LEAST_WEIGHT = 0.02  # vertices that count less than this are not worth a search
@@ -31,7 +32,8 @@ class SkinSample:
     def normals(self, skin: Floats) -> Floats:
         """Unit normals (V, 3) of the posed skin (V, 3) at the eligible vertices, zero elsewhere."""
         normals = np.zeros_like(skin)
-        normals[self.vertices] = vertex_normals(skin, self.faces, self.onto_vertices)
+        onto = self.onto_vertices
+        fill_normals(skin, self.faces, onto.indptr, onto.indices, self.vertices, normals)
         return normals
 
 
