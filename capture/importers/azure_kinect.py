@@ -8,15 +8,17 @@ of the sensor an image mode shows is in its ``mode_specific_calibration.c``. The
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from capture._checked_json import Checked
-from capture.camera import Camera
+from capture.camera import Camera, project, ray_slopes
 from capture.errors import RecordingError
 from capture.importers.source import (
     DEPTH_RANGE_M,
@@ -68,12 +70,15 @@ def open_mkv(path: Path, stated: Stated) -> Source:
         calibration = _calibration(container, path)
         own = None if calibration is None else _depth_camera(calibration, width, height)
         camera = stated.camera(width, height, own=own, where=path)
+        radius = math.inf if own is None or camera is not own or calibration is None else _radius(calibration)
         colour = _colour(_track(container, "COLOR"), calibration)
     sensor = Sensor("sensor", camera, stated.unit(None), DEPTH_RANGE_M, colour=colour)
-    return Source(sensor, _frames(path, width, height, with_colour=colour is not None), times="the file")
+    return Source(sensor, _frames(path, camera, radius, with_colour=colour is not None), times="the file")
 
 
-def _frames(path: Path, width: int, height: int, *, with_colour: bool) -> Frames:
+def _frames(path: Path, camera: Camera, radius: float, *, with_colour: bool) -> Frames:
+    width, height = camera.width, camera.height
+    blind = ~has_rays(camera, radius)
     with _container(path) as container:
         depth = _track(container, "DEPTH")
         colour = _track(container, "COLOR") if with_colour else None
@@ -87,7 +92,23 @@ def _frames(path: Path, width: int, height: int, *, with_colour: bool) -> Frames
             elif len(data) != 2 * width * height:
                 raise damaged(path, f"the depth image at {time_s:.3f} s has {len(data)} bytes")
             else:
-                yield DepthFrame(time_s, np.frombuffer(data, dtype=">u2").reshape(height, width).astype(np.uint16))
+                readings = np.frombuffer(data, dtype=">u2").reshape(height, width).astype(np.uint16)
+                readings[blind] = 0
+                yield DepthFrame(time_s, readings)
+
+
+def has_rays(camera: Camera, radius: float) -> NDArray[np.bool_]:
+    """The pixels (H, W) whose rays the lens model tells: of slopes within ``radius``, and coming back to the pixel.
+
+    The corners of wide images lie outside of what the model was fitted to (the calibration's metric radius), and the
+    lens lets nothing through there; should a reading stand there all the same, nobody knows where it points.
+    """
+    slopes = ray_slopes(camera).reshape(-1, 2).astype(np.float64)
+    pixels, _ = project(camera, np.column_stack([slopes, np.ones(len(slopes))]))
+    v, u = np.mgrid[: camera.height, : camera.width]
+    off = np.abs(pixels - np.stack([u, v], axis=-1).reshape(-1, 2)).max(axis=1)
+    known = (off < 0.5) & (np.hypot(*slopes.T) <= radius)
+    return np.asarray(known).reshape(camera.height, camera.width)
 
 
 def _check_whole(path: Path) -> None:
@@ -169,6 +190,13 @@ def _depth_camera(calibration: Checked, width: int, height: int) -> Camera:
         raise entry.fail(f"has depth images of {width} x {height} px, which no mode of the sensor makes")
     side, left, top = _DEPTH_MODES[width, height]
     return _pinhole(entry, (width, height), scale=(side, side), begin=(left, top))
+
+
+def _radius(calibration: Checked) -> float:
+    """The largest slope of a ray for which the lens model was fitted; without end if the calibration does not say."""
+    entry = _camera_entry(calibration, "D0")
+    radius = entry.number("MetricRadius") if "MetricRadius" in entry.value else 0.0
+    return radius if radius > 0.0 else math.inf
 
 
 def _pinhole(
