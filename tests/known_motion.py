@@ -1,4 +1,4 @@
-"""A motion of the known limb as tracking would hand it on, with lost frames and stated deviations, without tracking."""
+"""A motion of the known limb as tracking would hand it on: lost frames, a hidden bone, stated deviations."""
 
 from __future__ import annotations
 
@@ -11,16 +11,20 @@ from tests.known_limb import KnownLimb
 from track.motion import Motion, bones_and_centres, coordinate_names
 
 LOST = (4, 5)
+HIDDEN = 8
+BONES = ("humerus", "ulna", "radius", "hand")
 WHY = "only 31 % of the skin that should show was found"
 DEVIATION = np.deg2rad(1.5)
 
 
 def known_motion(limb: KnownLimb) -> Motion:
-    """The truth itself, each coordinate with one SD of 1.5 degrees (26 mm); frames 4 and 5 are lost."""
+    """The truth itself, with one SD of 1.5 degrees (26 mm) each; two frames are lost, in one the hand is hidden."""
     thetas = limb.thetas.copy()
     thetas[list(LOST)] = np.nan
-    transforms, centres = bones_and_centres(limb.subject, thetas)
     known = np.isfinite(thetas[:, 0])
+    shown = np.tile(known[:, None], (1, len(limb.subject.anatomy.bones)))
+    shown[HIDDEN, BONES.index("hand")] = False
+    transforms, centres = bones_and_centres(limb.subject, thetas, shown)
     return Motion(
         anatomy=limb.subject.anatomy.name,
         coordinates=coordinate_names(limb.subject.anatomy),
@@ -31,6 +35,7 @@ def known_motion(limb: KnownLimb) -> Motion:
         residuals=np.where(known, 0.0012, np.nan),
         coverage=np.where(known, 0.97, 0.31),
         matches=np.where(known, 900, 0),
+        shown=shown,
         transforms=transforms,
         centres=centres,
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.known_limb import KnownLimb
-from tests.known_motion import WHY, known_motion, reported_subject
+from tests.known_motion import HIDDEN, WHY, known_motion, reported_subject
 
 pytest.importorskip("plotly", reason="plotly is not installed (extra: view)")
 
@@ -84,6 +84,7 @@ def test_the_page_says_who_how_well_how_far_and_what_was_lost(read: _Page) -> No
         "olecranon",  # never shown
         "± 1.5",  # the deviation in the table of ranges
         WHY,
+        "hand 1 0.27 to 0.27",  # the bone out of sight
         "Errors against the truth",
         "research software, not a medical device",
     ):
@@ -113,6 +114,9 @@ def test_the_bands_are_one_and_two_deviations_and_leave_out_what_is_not_known(li
     assert np.sort(at) == pytest.approx([middle - 3.0, middle + 3.0])
     assert np.ptp(np.array(narrow.y)[np.array(narrow.x) == motion.times[2]]) == pytest.approx(3.0)
     assert np.isnan(np.array(angle.y)[[4, 5]]).all()
+    wrist = next(t for t in figure.data if t.name == "tracked" and t.yaxis == "y4")
+    assert np.isnan(np.array(wrist.y)[[4, 5, HIDDEN]]).all()
+    assert np.isfinite(np.array(angle.y)[HIDDEN])
 
 
 def test_without_a_recording_there_are_no_errors(limb: KnownLimb, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from adapt.model.body import pose_skin
 from adapt.subject import save_subject
 from capture.errors import BonetrackError
 from tests.known_limb import KnownLimb
-from tests.known_motion import known_motion, reported_subject
+from tests.known_motion import HIDDEN, known_motion, reported_subject
 from track.motion import MotionError, save_motion
 from track.poses_by_hand import read_poses
 from track.view.angle_charts import _ticks
@@ -181,6 +181,21 @@ def test_a_frame_moves_bones_as_rigid_bodies_and_lost_ones_vanish(
     viewer.show(4)
     assert not ulna.visible
     assert not skin.visible
+    assert "**Lost**: only 31 %" in viewer._status.content
+
+
+def test_a_bone_out_of_sight_is_faded_and_its_angles_are_not_told(viewer: Viewer) -> None:
+    viewer.show(HIDDEN)
+    hand, ulna = (viewer.server.scene.get_handle_by_name(f"/bones/{name}") for name in ("hand", "ulna"))
+    assert hand.visible
+    assert hand.opacity < 0.5
+    assert ulna.opacity is None
+    assert "**Not in sight** (faded, where it may be): hand." in viewer._status.content
+    told = {chart[1].name: chart[3].content for chart in viewer._charts._charts}
+    assert "not known" in told["flexion"]
+    assert "not known" not in told["elbow_flexion"]
+    viewer.show(0)
+    assert hand.opacity is None
 
 
 def test_playing_keeps_the_recordings_speed(viewer: Viewer, scene: Scene) -> None:

@@ -22,6 +22,14 @@ _FLAGS = (
 )
 
 
+def close_notices(driver: Any) -> None:
+    """Take away what the viewer says of a machine without a graphics card."""
+    from selenium.webdriver.common.by import By
+
+    for button in driver.find_elements(By.CSS_SELECTOR, ".mantine-Notification-closeButton"):
+        button.click()
+
+
 @contextmanager
 def open_browser(profile: Path, *, width: int, height: int) -> Iterator[Any]:
     """A selenium driver of Chromium with a window of that size and a new profile in a folder."""

@@ -63,7 +63,7 @@ def _chart(scene: Scene, i: int) -> _Chart:
     coordinate = scene.anatomy.coordinates[i] if scene.anatomy is not None else None
     drawn = np.unique(np.linspace(0, len(scene.times) - 1, _MOST_SAMPLES).round().astype(int))
     times = scene.times[drawn]
-    angle = np.full(len(drawn), np.nan) if scene.thetas is None else np.rad2deg(scene.angles()[drawn, i])
+    angle = np.full(len(drawn), np.nan) if scene.thetas is None else np.rad2deg(scene.angles[drawn, i])
     spread = np.zeros(len(drawn)) if scene.motion is None else np.rad2deg(scene.motion.deviations[drawn, i])
     truth = np.full(len(drawn), np.nan) if scene.truth is None else np.rad2deg(scene.truth.thetas[drawn, i])
     low, high = _limits(np.concatenate([angle - 2.0 * spread, angle + 2.0 * spread, truth]))

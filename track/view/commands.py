@@ -58,6 +58,8 @@ def view_command(
     stdout.print(f"open http://{server.get_host()}:{server.get_port()} in a browser; Ctrl+C ends", highlight=False)
     try:
         server.sleep_forever()
+    except KeyboardInterrupt:
+        stdout.print("ended")
     finally:
         viewer.stop()
 

@@ -17,9 +17,9 @@ from capture.fuse import Region
 from track.view.frames import FrameContent, FrameStore, Posed, SeenPoints, Single, pose_body
 from track.view.layers import FAR_M, LARGEST_ERROR_M, Layers, Skin, first_eye, set_eye
 from track.view.scene import Scene
-from track.view.viewer import start_server
+from track.view.viewer import start_server, stop_server
 
-MOST_FRAMES, SKIN_VERTICES, POINTS = 300, 2500, 1500
+MOST_FRAMES, SKIN_VERTICES = 300, 2500
 _GRAIN_M = 2.0**-11  # skin and points are rounded to half a millimetre: single precision of fewer digits packs well
 
 
@@ -41,13 +41,13 @@ def write_embedded(scene: Scene, path: Path, *, most_frames: int = MOST_FRAMES, 
         chosen = list(range(0, len(scene.times), step))
         recorded = server.get_scene_serializer()
         for k, following in zip(chosen, [*chosen[1:], None], strict=True):
-            layers.show(k, _coarse(frames.get(k)), theta=None if scene.thetas is None else scene.thetas[k])
+            layers.show(k, _coarse(frames.get(k)), theta=None if scene.body is None else scene.angles[k])
             server.flush()
             if len(chosen) > 1:
                 recorded.insert_sleep(float(scene.times[following] - scene.times[k]) if following else 1.0 / 30.0)
         page = recorded.as_html()
     finally:
-        server.stop()
+        stop_server(server)
     with replaced_when_complete(path) as partial:
         partial.write_text(_with_caption(page, scene, step), encoding="utf-8")
     return len(chosen)
@@ -60,9 +60,7 @@ _ANY_PORT = 18080  # the first of which the server takes a free one
 def _coarse(content: FrameContent) -> FrameContent:
     seen = content.seen
     if seen is not None and len(seen.points):
-        some = np.linspace(0, len(seen.points) - 1, min(POINTS, len(seen.points))).astype(int)
-        distances = None if seen.distances is None else seen.distances[some]
-        seen = SeenPoints(_rounded(seen.points[some]), distances, seen.problem)
+        seen = SeenPoints(_rounded(seen.points), seen.distances, seen.problem)
     posed = content.posed
     if posed is not None:
         posed = Posed(_rounded(posed.skin), posed.bones, posed.centres)

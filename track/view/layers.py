@@ -23,10 +23,11 @@ from track.view.scene import Scene, joint_coordinates
 if TYPE_CHECKING:
     import viser
 
-SKIN, BONE, TRUTH, PLAIN, FAR = (233, 178, 150), (238, 226, 196), (0, 158, 115), (60, 90, 150), (150, 150, 150)
+SKIN, BONE, TRUTH, PLAIN, FAR = (233, 178, 150), (224, 203, 158), (0, 158, 115), (60, 90, 150), (150, 150, 150)
 LARGEST_ERROR_M, FAR_M = 0.010, 0.020
 """Where the colours of the error end, and beyond which a point is taken for something else than the limb."""
-_FRAMED, _BESIDE, _AWAY = 5, np.deg2rad(-35.0), 2.7  # frames looked at, angle beside the line of sight, distances
+POINTS = 1800  # drawn of a cloud
+_FRAMED, _BESIDE, _AWAY = 5, np.deg2rad(-35.0), 2.3  # frames looked at, angle beside the line of sight, distances
 _FADED = 0.25  # opacity of a bone that did not show in its frame
 LAYERS = {
     "skin": "Skin",
@@ -89,7 +90,7 @@ class Layers:
             anatomy, rest = self.scene.body.anatomy, pose_body(self.scene.body, rest_theta(self.scene.body))
             part = self._skin_part = self._skin_part or Skin(slice(None), anatomy.skin_faces)
             vertices = np.zeros((0, 3)) if rest is None else rest.skin[part.vertices]
-            self._skin = self._mesh("/skin/surface", vertices, part.faces, SKIN, 0.28)
+            self._skin = self._mesh("/skin/surface", vertices, part.faces, SKIN, 0.24)
             for bone in anatomy.bones:
                 mesh = self.scene.body.rest_bones[bone.name]
                 self._bones[bone.name] = self._mesh(f"/bones/{bone.name}", mesh, bone.faces, BONE, None)
@@ -137,10 +138,15 @@ class Layers:
             if self._points is not None:
                 self._points.visible = False
             return
-        colours = error_colours(seen)
+        seen = fewer(seen)
         # Replaced as a whole: a node with more points than colours for a moment would be an error.
         self._points = self._server.scene.add_point_cloud(
-            "/points/cloud", seen.points, colours, point_size=0.0016, point_shape="circle", precision="float32"
+            "/points/cloud",
+            seen.points,
+            error_colours(seen),
+            point_size=0.0018,
+            point_shape="circle",
+            precision="float32",
         )
 
     def _show_labels(self, k: int, posed: Posed | None, theta: Floats | None) -> None:
@@ -168,6 +174,12 @@ def label(scene: Scene, joint_name: str, k: int, theta: Floats) -> str:
             error = f" ± {as_shown(coordinate, float(spread)):.1f}{unit}" if np.isfinite(spread) else ""
             parts.append(f"{coordinate.name} {as_shown(coordinate, float(theta[i])):.1f}{unit}{error}")
     return ", ".join(parts)
+
+
+def fewer(seen: SeenPoints) -> SeenPoints:
+    """Some of the points, spread over all: more of them would hide the bones."""
+    some = np.linspace(0, len(seen.points) - 1, min(POINTS, len(seen.points))).astype(int)
+    return SeenPoints(seen.points[some], None if seen.distances is None else seen.distances[some], seen.problem)
 
 
 def error_colours(seen: SeenPoints) -> NDArray[np.uint8]:

@@ -153,7 +153,7 @@ def _angles(scene: Scene) -> str:
 
 
 def _ranges(scene: Scene) -> str:
-    motion, angles = _motion(scene), scene.angles()
+    motion, angles = _motion(scene), scene.angles
     rows = []
     for i, coordinate in joint_coordinates(_motion_subject(scene).anatomy):
         values, unit = angles[:, i], UNITS[coordinate.unit]
@@ -216,8 +216,8 @@ def _lost(scene: Scene) -> str:
 def _hidden(scene: Scene) -> list[list[str]]:
     motion = _motion(scene)
     rows = []
-    for name, placed in motion.transforms.items():
-        unknown = motion.tracked & ~np.isfinite(placed).all(axis=(1, 2))
+    for name, shows in zip(motion.transforms, motion.shown.T, strict=True):
+        unknown = motion.tracked & ~shows
         spans = [f"{scene.times[run][0]:.2f} to {scene.times[run][-1]:.2f}" for run in runs(unknown)]
         if spans:
             rows.append([name, str(int(unknown.sum())), ", ".join(spans)])

@@ -24,7 +24,7 @@ def angle_chart(scene: Scene) -> Figure:
     """One row for each joint angle: bands of one and two SD, the truth, and what is not known on red ground."""
     coordinates = [] if scene.anatomy is None else joint_coordinates(scene.anatomy)
     figure = _rows([coordinate.name for _, coordinate in coordinates])
-    angles = scene.angles()
+    angles = scene.angles
     for row, (i, coordinate) in enumerate(coordinates, start=1):
         unit = UNITS[coordinate.unit]
         factor = as_shown(coordinate, 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from capture.recording import Instant, Recording, instants, open_recording
 from capture.rigid import inverse
 from track.evaluation.errors import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
+from track.shown import known_thetas
 
 _SAME_S = 1e-3
 """Two times nearer than this are one instant."""
@@ -50,13 +52,16 @@ class Scene:
 
     def shows(self, bone: str, k: int) -> bool:
         """Whether a bone's place in frame k is known; where nothing was tracked, everything shown is meant to be."""
-        return self.motion is None or bool(np.isfinite(self.motion.transforms[bone][k]).all())
+        return self.motion is None or bone not in self.motion.hidden(k)
 
+    @cached_property
     def angles(self) -> Floats:
         """The poses (T, n) with NaN for what is not known: what charts and tables show of them."""
-        if self.thetas is None:
-            raise MotionError("a recording alone has no angles", where=self.title, remedy="give --subject")
-        return self.thetas
+        if self.thetas is None or self.subject is None:
+            return np.full((len(self.times), 0), np.nan)
+        if self.motion is None:
+            return self.thetas
+        return known_thetas(self.subject.anatomy, self.thetas, self.motion.shown)
 
     @property
     def body(self) -> Body | None:

@@ -44,6 +44,12 @@ class Timeline:
         """Whether time goes on by itself."""
         return self._playing.is_set()
 
+    def go(self, frame: int) -> None:
+        """Show a frame, and move the slider there."""
+        self._set(frame)
+        self._slider.value = frame
+        self._begin()
+
     def stop(self) -> None:
         """End the thread."""
         self._stopped.set()

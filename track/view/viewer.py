@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +43,14 @@ def start_server(*, host: str = LOOPBACK, port: int = PORT) -> viser.ViserServer
         import viser
     except ImportError as error:
         raise ViewError("the viewer needs viser", remedy="pip install 'bonetrack[view]'") from error
-    return viser.ViserServer(host=host, port=port, verbose=False)
+    with redirect_stdout(StringIO()):  # it would greet with a box of its own
+        return viser.ViserServer(host=host, port=port, verbose=False)
+
+
+def stop_server(server: viser.ViserServer) -> None:
+    """End a server without a word."""
+    with redirect_stdout(StringIO()):
+        server.stop()
 
 
 class Viewer:
@@ -94,7 +103,7 @@ class Viewer:
         """End all threads and the server."""
         self.timeline.stop()
         self.frames.stop()
-        self.server.stop()
+        stop_server(self.server)
 
     def _dress(self) -> None:
         gui = self.server.gui
@@ -137,7 +146,7 @@ class Viewer:
     def _theta(self, k: int) -> Floats | None:
         if self._hand is not None and self._hand.theta is not None:
             return self._hand.theta
-        return None if self.scene.thetas is None else self.scene.thetas[k]
+        return None if self.scene.body is None else self.scene.angles[k]
 
     def _start(self) -> Floats:
         """What setting by hand begins from: the frame's pose, else the nearest frame's, else the first example pose."""
@@ -176,9 +185,8 @@ class Viewer:
         elif scene.motion is not None:
             coverage = 100.0 * scene.motion.coverage[k]
             lines.append(f"Tracked; {coverage:.0f} % of the visible skin found.")
-            hidden = [name for name in scene.motion.transforms if not scene.shows(name, k)]
-            if hidden:
-                lines.append(f"**Not in sight** (shown faded, a guess): {', '.join(hidden)}.")
+            if hidden := scene.motion.hidden(k):
+                lines.append(f"**Not in sight** (faded, where it may be): {', '.join(hidden)}.")
         if content.seen is not None and content.seen.problem:
             lines.append(f"No points: {content.seen.problem}.")
         elif content.seen is not None and content.seen.distances is not None:
