@@ -8,6 +8,7 @@ import pytest
 from adapt.anatomy import Anatomy
 from adapt.model.body import make_body
 from adapt.model.handles import affine_set
+from adapt.tissue import MODES
 from tests.finite_differences import check_jacobian
 from tests.known_limb import known_subject
 from track.view.measures import _length, girths, lengths, tape
@@ -95,3 +96,7 @@ def test_the_deviation_of_a_length_is_that_of_the_shape_carried_over(arm: Anatom
     check_jacobian(length, gradient, shape)
     row = next(row for row in lengths(subject) if row.bone == "humerus")
     assert row.sd_m == pytest.approx(1e-3 * np.linalg.norm(gradient))  # the covariance is 1e-6 times the identity
+    # What is not known of the soft tissue says nothing of bones.
+    with_tissue = np.eye(len(shape) + MODES)
+    with_tissue[: len(shape), : len(shape)] = subject.covariance
+    assert next(iter(lengths(replace(subject, covariance=with_tissue)))).sd_m == pytest.approx(row.sd_m)

@@ -184,18 +184,20 @@ def test_a_frame_moves_bones_as_rigid_bodies_and_lost_ones_vanish(
     assert "**Lost**: only 31 %" in viewer._status.content
 
 
-def test_a_bone_out_of_sight_is_faded_and_its_angles_are_not_told(viewer: Viewer) -> None:
+def test_a_bone_out_of_sight_is_marked_and_its_angles_are_not_told(viewer: Viewer) -> None:
     viewer.show(HIDDEN)
     hand, ulna = (viewer.server.scene.get_handle_by_name(f"/bones/{name}") for name in ("hand", "ulna"))
     assert hand.visible
-    assert hand.opacity < 0.5
+    assert hand.opacity < 1.0
+    assert hand.color != ulna.color
     assert ulna.opacity is None
-    assert "**Not in sight** (faded, where it may be): hand." in viewer._status.content
+    assert "**Not in sight** (red, where it may be): hand." in viewer._status.content
     told = {chart[1].name: chart[3].content for chart in viewer._charts._charts}
     assert "not known" in told["flexion"]
     assert "not known" not in told["elbow_flexion"]
     viewer.show(0)
     assert hand.opacity is None
+    assert hand.color == ulna.color
 
 
 def test_playing_keeps_the_recordings_speed(viewer: Viewer, scene: Scene) -> None:

@@ -28,7 +28,7 @@ LARGEST_ERROR_M, FAR_M = 0.010, 0.020
 """Where the colours of the error end, and beyond which a point is taken for something else than the limb."""
 POINTS = 1800  # drawn of a cloud
 _FRAMED, _BESIDE, _AWAY = 5, np.deg2rad(-35.0), 2.3  # frames looked at, angle beside the line of sight, distances
-_FADED = 0.25  # opacity of a bone that did not show in its frame
+_FADED, _UNKNOWN = 0.5, (214, 110, 95)  # opacity and colour of a bone that did not show in its frame
 LAYERS = {
     "skin": "Skin",
     "bones": "Bones",
@@ -125,9 +125,9 @@ class Layers:
             self._skin.vertices = posed.skin[self._skin_part.vertices]
         for name, handle in self._bones.items():
             _place(handle, None if posed is None else posed.bones[name])
-            opacity = None if self.scene.shows(name, k) else _FADED
+            opacity, colour = (None, BONE) if self.scene.shows(name, k) else (_FADED, _UNKNOWN)
             if handle.opacity != opacity:
-                handle.opacity = opacity
+                handle.opacity, handle.color = opacity, colour
 
     def _show_truth(self, truth: Posed | None) -> None:
         for name, handle in self._truth.items():

@@ -47,10 +47,11 @@ def lengths(subject: Subject) -> list[Length]:
     Adapted bones keep their template's proportions but for the handles' scales: what is not seen is not measured.
     """
     template = _template(subject)
+    m = len(subject.body.shape)  # what follows it in the covariance is soft tissue, which bones do not depend on
     rows = []
     for bone in subject.anatomy.bones:
         length, gradient = _length(subject, bone)
-        spread = float(np.sqrt(np.maximum(gradient @ subject.covariance @ gradient, 0.0)))
+        spread = float(np.sqrt(np.maximum(gradient @ subject.covariance[:m, :m] @ gradient, 0.0)))
         ends = f"{_names(bone.frame.y_from)} to {_names(bone.frame.y_to)}"
         rows.append(Length(bone.name, ends, length, spread, _length(template, bone)[0]))
     return rows

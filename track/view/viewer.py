@@ -186,7 +186,7 @@ class Viewer:
             coverage = 100.0 * scene.motion.coverage[k]
             lines.append(f"Tracked; {coverage:.0f} % of the visible skin found.")
             if hidden := scene.motion.hidden(k):
-                lines.append(f"**Not in sight** (faded, where it may be): {', '.join(hidden)}.")
+                lines.append(f"**Not in sight** (red, where it may be): {', '.join(hidden)}.")
         if content.seen is not None and content.seen.problem:
             lines.append(f"No points: {content.seen.problem}.")
         elif content.seen is not None and content.seen.distances is not None:
