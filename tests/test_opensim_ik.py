@@ -21,6 +21,7 @@ from track.evaluation.performance import PerformanceError, motion_names, motion_
 from track.evaluation.reconstruction import differences, reconstruction_of_poses
 
 LIMBS = ("upper-limb-right", "lower-limb-left")
+OTHER = "OpenSim scaled 1e-05"
 LIMITS = {"true": (1.0, 3.0), "scaled": (4.0, 6.0), "misplaced": (10.0, 15.0)}  # mm, deg
 
 
@@ -117,19 +118,20 @@ def test_only_frames_that_we_tracked_are_scored(body):
     turned = transform(exp_so3(np.array([0.0, 0.0, 0.1])), np.zeros(3))
     answers = {
         OURS: Answer(reconstruction_of_poses(body, thetas, np.eye(4)), 0.2, 0.1),
-        "other": Answer(reconstruction_of_poses(body, truth.thetas, turned), 0.002, 0.001),
+        OTHER: Answer(reconstruction_of_poses(body, truth.thetas, turned), 0.002, 0.001),
     }
     spans = {"first": slice(0, 4), "rest": slice(4, None), "lost": slice(2, 3)}
     scores = _scores(body.anatomy, truth, answers, spans)
     assert (scores["frames"], scores["lost"]) == (len(thetas), 1)
     root = body.anatomy.joints[0].name
     assert scores["errors"][OURS][f"centre {root}"]["max"] == pytest.approx(0.0, abs=1e-6)
-    assert scores["errors"]["other"][f"centre {root}"]["mean"] > 1.0
-    assert scores["apart"]["other"][f"centre {root}"] == scores["errors"]["other"][f"centre {root}"]
+    assert scores["errors"][OTHER][f"centre {root}"]["mean"] > 1.0
+    assert scores["apart"][OTHER][f"centre {root}"] == scores["errors"][OTHER][f"centre {root}"]
     assert {name: part["scored"] for name, part in scores["by_motion"].items()} == {"first": 3, "rest": len(thetas) - 4}
     header, *rows = comparison_rows([scores, scores])
-    assert header[2:4] == [OURS, "other"]
+    assert header[2:4] == [OURS, OTHER]
     assert {row[0]: row[2] for row in rows}["frames lost"] == f"2 of {2 * len(thetas)}"
+    assert motion_rows([scores])[0][2:] == [f"{OURS} - truth", f"{OTHER} - truth", f"{OTHER} - {OURS}"]
     assert len(motion_rows([scores])) == 1 + 2 * (len(body.anatomy.coordinates) - 6)
 
 
@@ -147,7 +149,7 @@ def test_a_finished_subject_is_not_done_again_and_other_options_are_told(tmp_pat
     pytest.importorskip("opensim", reason="OpenSim is not installed: pip install bonetrack[opensim]")
     body = make_body(load_anatomy("upper-limb-right"))
     truth = moving(body)
-    said = {name: Answer(reconstruction_of_poses(body, truth.thetas, np.eye(4)), 0.2, 0.1) for name in (OURS, "other")}
+    said = {name: Answer(reconstruction_of_poses(body, truth.thetas, np.eye(4)), 0.2, 0.1) for name in (OURS, OTHER)}
     folder = tmp_path / "upper-limb-right-1"
     folder.mkdir()
     (folder / "comparison.json").write_text(json.dumps(_scores(body.anatomy, truth, said)))
