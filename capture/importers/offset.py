@@ -30,9 +30,9 @@ _BLOCKS = 80
 _SPAN_S = 0.15
 """Images this far apart are compared, so that slow motion stands out of the noise, too."""
 
-_LEAST_CHANGE_M, _LARGEST_CHANGE_M = 0.005, 0.06
-"""Changes of depth count from the noise on. Where a limb's edge passes, depth jumps: counted as about half a limb's
-width, motion across the view weighs what motion along it does."""
+_LEAST_CHANGE_M, _LARGEST_CHANGE_M = 0.005, 0.03
+"""Changes of depth count from the noise on. Where a limb's edge passes, depth jumps, or comes or goes: that counts as
+much as a change of some centimetres, so that motion across the view weighs about what motion along it does."""
 
 _SHORTEST_OVERLAP_S = 4.0
 _LEAST_SIGNIFICANCE = 5.0
@@ -100,13 +100,13 @@ def _blocks(readings: NDArray[np.uint16], side: int, sensor: Sensor) -> Floats:
 
 
 def _change(before: Floats, now: Floats) -> float:
-    """The mean change of depth (m) over the blocks that have depth in both images."""
-    both = np.isfinite(before) & np.isfinite(now)
-    if not both.any():
-        return 0.0
+    """The mean change of depth (m) over the blocks of the image; depth that comes or goes is the largest change."""
+    seen_before, seen_now = np.isfinite(before), np.isfinite(now)
+    both = seen_before & seen_now
     change = np.abs(now[both] - before[both])
     noise = _LEAST_CHANGE_M * np.maximum(1.0, now[both]) ** 2
-    return float(np.where(change > noise, np.minimum(change, _LARGEST_CHANGE_M), 0.0).mean())
+    moved = float(np.where(change > noise, np.minimum(change, _LARGEST_CHANGE_M), 0.0).sum())
+    return (moved + _LARGEST_CHANGE_M * np.count_nonzero(seen_before != seen_now)) / now.size
 
 
 def estimate_offset(first: Motion, second: Motion, *, where: Path) -> Offset:
