@@ -1,4 +1,4 @@
-"""RealSense ``.bag`` files (the SDK up to 2.56): version 2.0 bags of ROS 1, read with PyPI ``rosbags``.
+"""RealSense ``.bag`` files, as SDK 2.55 writes them: version 2.0 bags of ROS 1, read with PyPI ``rosbags``.
 
 Source of the topics: files that the SDK's recorder wrote. An image's header carries the frame's own time.
 """

@@ -1,4 +1,4 @@
-"""RealSense ``.db3`` files (the SDK from 2.57): an SQLite file of ROS 2 messages; needs no library.
+"""RealSense ``.db3`` files, as SDK 2.59 writes them: an SQLite file of ROS 2 messages; needs no library.
 
 Source of the layout: files that the SDK's recorder wrote. Depth is a 16-bit PNG in each message; what the camera is,
 its unit and the frame's own time stand in text messages of ``key=value`` pairs.
