@@ -141,7 +141,7 @@ def estimate_offset(first: Motion, second: Motion, *, where: Path) -> Offset:
     deviation = math.sqrt((_PIECES - 1) / _PIECES * float(((left_out - left_out.mean()) ** 2).sum())) * STEP_S
     if not deviation <= _LARGEST_DEVIATION_S:
         raise _refused(f"fits the other sensor's motion only to within {deviation:.2f} s", where)
-    return Offset(found * STEP_S, math.hypot(deviation, _VIEW_DEVIATION_S), float(agreement[best]))
+    return Offset(float(found * STEP_S), math.hypot(deviation, _VIEW_DEVIATION_S), float(agreement[best]))
 
 
 def _significance(a: Floats, b: Floats, lag: int, correlation: float) -> float:
