@@ -22,7 +22,7 @@ from track.view.angle_charts import _ticks
 from track.view.commands import view_command
 from track.view.embedded import thinned, write_embedded
 from track.view.frames import FrameStore
-from track.view.layers import FAR, error_colours, label
+from track.view.layers import FAR, distance_to_see, error_colours, label
 from track.view.scene import Scene, motion_scene, open_scene, recording_scene, subject_scene
 from track.view.timeline import Timeline
 from track.view.viewer import Viewer, ViewError, start_server
@@ -111,6 +111,14 @@ def test_frames_are_made_ahead_and_no_more_are_kept_than_asked_for(scene: Scene)
     assert store.ready(0) is None
 
 
+def test_the_first_view_has_all_of_the_limb_in_it() -> None:
+    points = np.random.default_rng(5).normal(size=(500, 3)) * [0.1, 0.4, 0.1]
+    towards = np.array([0.6, 0.0, 0.8])
+    away = distance_to_see(points, towards) * towards - points
+    cosine = away @ towards / np.linalg.norm(away, axis=1)
+    assert np.rad2deg(np.arccos(cosine)).max() == pytest.approx(22.0, abs=1.0)
+
+
 def test_points_are_coloured_by_their_distance(scene: Scene) -> None:
     seen = FrameStore(scene).get(0).seen
     assert seen is not None
@@ -188,15 +196,12 @@ def test_a_bone_out_of_sight_is_marked_and_its_angles_are_not_told(viewer: Viewe
     viewer.show(HIDDEN)
     hand, ulna = (viewer.server.scene.get_handle_by_name(f"/bones/{name}") for name in ("hand", "ulna"))
     assert hand.visible
-    assert hand.opacity < 1.0
     assert hand.color != ulna.color
-    assert ulna.opacity is None
     assert "**Not in sight** (red, where it may be): hand." in viewer._status.content
     told = {chart[1].name: chart[3].content for chart in viewer._charts._charts}
     assert "not known" in told["flexion"]
     assert "not known" not in told["elbow_flexion"]
     viewer.show(0)
-    assert hand.opacity is None
     assert hand.color == ulna.color
 
 

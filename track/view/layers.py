@@ -27,8 +27,9 @@ SKIN, BONE, TRUTH, PLAIN, FAR = (233, 178, 150), (224, 203, 158), (0, 158, 115),
 LARGEST_ERROR_M, FAR_M = 0.010, 0.020
 """Where the colours of the error end, and beyond which a point is taken for something else than the limb."""
 POINTS = 1800  # drawn of a cloud
-_FRAMED, _BESIDE, _AWAY = 5, np.deg2rad(-35.0), 2.3  # frames looked at, angle beside the line of sight, distances
-_FADED, _UNKNOWN = 0.5, (214, 110, 95)  # opacity and colour of a bone that did not show in its frame
+_FRAMED, _BESIDE = 5, np.deg2rad(-35.0)  # frames looked at, angle beside the line of sight
+_FIELD, _MARGIN = np.deg2rad(45.0), 1.05  # of view
+_UNKNOWN = (214, 110, 95)  # a bone that did not show in its frame
 LAYERS = {
     "skin": "Skin",
     "bones": "Bones",
@@ -102,7 +103,7 @@ class Layers:
         if self.scene.truth is not None:
             for bone in self.scene.truth.body.anatomy.bones:
                 mesh = self.scene.truth.body.rest_bones[bone.name]
-                self._truth[bone.name] = self._mesh(f"/truth/{bone.name}", mesh, bone.faces, TRUTH, 0.6)
+                self._truth[bone.name] = self._mesh(f"/truth/{bone.name}", mesh, bone.faces, TRUTH, None)
 
     def _mesh(self, name: str, vertices: Any, faces: Ints, colour: tuple[int, int, int], opacity: float | None) -> Any:
         return self._server.scene.add_mesh_simple(
@@ -125,9 +126,9 @@ class Layers:
             self._skin.vertices = posed.skin[self._skin_part.vertices]
         for name, handle in self._bones.items():
             _place(handle, None if posed is None else posed.bones[name])
-            opacity, colour = (None, BONE) if self.scene.shows(name, k) else (_FADED, _UNKNOWN)
-            if handle.opacity != opacity:
-                handle.opacity, handle.color = opacity, colour
+            colour = BONE if self.scene.shows(name, k) else _UNKNOWN
+            if handle.color != colour:
+                handle.color = colour
 
     def _show_truth(self, truth: Posed | None) -> None:
         for name, handle in self._truth.items():
@@ -225,7 +226,6 @@ def first_eye(scene: Scene, frames: FrameStore) -> Eye:
     some = np.unique(np.linspace(0, len(scene.times) - 1, _FRAMED).round().astype(int))
     points = np.concatenate([_extent(scene, frames, int(k)) for k in some])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    reach = float(np.linalg.norm(points - middle, axis=1).max())
     if scene.recording is None:
         up, towards = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.25, 1.0])
     else:
@@ -234,7 +234,15 @@ def first_eye(scene: Scene, frames: FrameStore) -> Eye:
         up = -np.sum([sensor[:3, 1] for sensor in sensors], axis=0)
         up, towards = up / np.linalg.norm(up), sensors[0][:3, 3] - middle
         towards = Rotation.from_rotvec(_BESIDE * up).apply(towards)
-    return Eye(middle + _AWAY * reach * towards / np.linalg.norm(towards), middle, up)
+    towards = towards / np.linalg.norm(towards)
+    return Eye(middle + distance_to_see(points - middle, towards) * towards, middle, up)
+
+
+def distance_to_see(points: Floats, towards: Floats) -> float:
+    """How far along ``towards`` (3,) an eye must be to have all points (N, 3) about the origin in a square picture."""
+    along = points @ towards
+    beside = np.linalg.norm(points - along[:, None] * towards, axis=1)
+    return _MARGIN * float((along + beside / np.tan(0.5 * _FIELD)).max())
 
 
 def _extent(scene: Scene, frames: FrameStore, k: int) -> Single:
@@ -252,4 +260,4 @@ def set_eye(server: viser.ViserServer, eye: Eye) -> None:
     server.initial_camera.up = tuple(eye.up)
     server.initial_camera.position = tuple(eye.position)
     server.initial_camera.look_at = tuple(eye.middle)
-    server.initial_camera.fov = float(np.deg2rad(45.0))
+    server.initial_camera.fov = float(_FIELD)

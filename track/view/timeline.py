@@ -30,9 +30,9 @@ class Timeline:
         self._begun = (0.0, 0.0)  # clock and time of the recording when playing began (s)
         self.frame = 0
         one = len(times) < 2
-        self._slider = server.gui.add_slider("Frame", 0, max(1, len(times) - 1), 1, 0, disabled=one)
-        self._button = server.gui.add_button("Play", disabled=one)
-        self._speed = server.gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+        self._slider = server.gui.add_slider("Frame", 0, max(1, len(times) - 1), 1, 0, visible=not one)
+        self._button = server.gui.add_button("Play", visible=not one)
+        self._speed = server.gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", visible=not one)
         self._slider.on_update(lambda _: self._slid())
         self._button.on_click(lambda _: self._pause() if self._playing.is_set() else self._play())
         self._speed.on_update(lambda _: self._begin())

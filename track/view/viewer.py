@@ -177,6 +177,8 @@ class Viewer:
     def _words(self, k: int, content: FrameContent) -> str:
         """What is said of frame k."""
         scene = self.scene
+        if scene.recording is None and scene.motion is None:
+            return "The subject in its rest pose."
         lines = [f"**Frame {scene.numbers[k]}** ({k + 1} of {len(scene.times)}), {scene.times[k]:.3f} s"]
         if self._by_hand_shown:
             lines.append("Pose set by hand.")
