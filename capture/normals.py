@@ -17,11 +17,12 @@ def surface_at(depth: Image, camera: Camera, pixels: Pixels) -> tuple[Floats, Fl
     """
     if not len(pixels):
         return np.zeros((0, 3)), np.zeros((0, 3))
-    fit = fit_patches(depth, pixels, radius_px=_radius_px(camera), focal_px=camera.fx)
+    fit = fit_patches(depth, pixels, radius_px=radius_px(camera), focal_px=camera.fx)
     return _on_rays(fit, camera, pixels, depth[pixels[:, 0], pixels[:, 1]])
 
 
-def _radius_px(camera: Camera) -> int:
+def radius_px(camera: Camera) -> int:
+    """The radius (px) of the window that a patch is fitted in."""
     return max(2, round(SMOOTHING_ANGLE * camera.fx))
 
 
@@ -34,7 +35,7 @@ def _on_rays(fit: Floats, camera: Camera, pixels: Pixels, z0: Image) -> tuple[Fl
     slopes = ray_slopes(camera)[pixels[:, 0], pixels[:, 1]].astype(np.float64)
     rays = np.column_stack([slopes, np.ones(len(slopes))])
     inverse = 1.0 - fit[:, 0] / z0
-    by_pixel = fit[:, 1:3] / (_radius_px(camera) * z0[:, None])
+    by_pixel = fit[:, 1:3] / (radius_px(camera) * z0[:, None])
     along = np.linalg.solve(_slope_changes(camera, pixels), by_pixel[..., None])[..., 0]
     normals = np.column_stack([along, -inverse - (slopes * along).sum(axis=1)])
     return rays * (z0 / inverse)[:, None], normals / np.linalg.norm(normals, axis=1, keepdims=True)

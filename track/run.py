@@ -68,7 +68,7 @@ def track_recording(
     state = _state(journal.entries[-1]["state"]) if journal.entries else None
     tracker = make_tracker(subject)
     left = moments[len(frames) :]
-    with closing(one_ahead(partial(_target, recording, region), left)) as targets:
+    with closing(one_ahead(partial(ready_target, recording, region), left)) as targets:
         for moment, target in zip(left, targets, strict=True):
             frame, state = _track_one(tracker, moment.time_s, target, state)
             frames.append(frame)
@@ -96,7 +96,7 @@ def write_motion_folder(
     save_motion(motion, out)
 
 
-def _target(recording: Recording, region: Region, moment: Instant) -> Target | CloudError:
+def ready_target(recording: Recording, region: Region, moment: Instant) -> Target | CloudError:
     """The cloud of one instant, ready to be searched, or why there is none."""
     try:
         target = Target(fuse(recording, moment, region=region))

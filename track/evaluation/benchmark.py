@@ -1,5 +1,7 @@
 """How long everything takes, stage by stage, on one thread, beside what it may take.
 
+Stages that are compiled loops are shown beside the same work in plain NumPy.
+
     python -m track.evaluation.benchmark [RECORDING] [--subject FILE] [--repeat 5] [--adapt]
 
 ``threadpoolctl`` holds numpy to one thread where it is installed; elsewhere set ``OMP_NUM_THREADS=1``. A recording
@@ -12,6 +14,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,42 +23,56 @@ import click
 import cv2
 import numpy as np
 from rich.table import Table
+from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target, find_corres
+from adapt.fit.correspondences import Target, find_corres, pixel_of
+from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
+from adapt.fit.nearest import PointGrid
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.fit.score import find_skin
-from adapt.model.body import make_body, pose_skin, pose_skin_varying
+from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
+from adapt.model.deformers import carry
+from adapt.model.kinematics import bone_motions
+from adapt.model.surface import incidence, vertex_normals
+from adapt.model.variation import Motion, Points, constant_points
 from adapt.subject import Subject, load_subject
 from capture.calibrate import calibrate_recording
 from capture.console import stderr, stdout
 from capture.errors import BonetrackError, FitError
 from capture.fuse import fuse, region_of_interest
+from capture.normals import radius_px
+from capture.patches import fit_patches, fit_patches_by_arrays
 from capture.preprocess import clean_depth
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import apply, exp_so3, inverse, log_so3
+from track.ahead import one_ahead
 from track.evaluation.errors import read_truth, world_from_common
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+from track.run import ready_target
+from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker, predict
 from track.uncertainty import pose_covariance
 
-FRAME_TARGET_S = 0.150
-ADAPTATION_TARGET_S = 180.0  # of six poses
+FRAME_TARGET_S = 0.033
+ADAPTATION_TARGET_S = 30.0  # of six poses, first poses given
+AUTOMATIC_TARGET_S = 180.0
+_LOOP_FRAMES = 30
 
 
 @dataclass(frozen=True)
 class Timing:
     """Seconds that each repetition of one stage took (R,), and the processor's part of them (R,).
 
-    The two differ where other programs ran meanwhile.
+    The two differ where other programs ran meanwhile. ``twin`` are the seconds of the same work in plain NumPy.
     """
 
     stage: str
     seconds: Floats
     processor: Floats
     target_s: float | None = None
+    twin: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -70,9 +87,17 @@ class _Bench:
     frame: TrackedFrame
     repeat: int
 
-    def time(self, stage: str, work: Callable[[], object], *, target_s: float | None = None) -> Timing:
+    def time(
+        self,
+        stage: str,
+        work: Callable[[], object],
+        *,
+        target_s: float | None = None,
+        twin: Callable[[], object] | None = None,
+    ) -> Timing:
         work()  # fills caches
-        return timed(stage, work, repeat=self.repeat, target_s=target_s)
+        timing = timed(stage, work, repeat=self.repeat, target_s=target_s)
+        return timing if twin is None else replace(timing, twin=self.time(stage, twin).seconds)
 
 
 def timed(stage: str, work: Callable[[], object], *, repeat: int = 1, target_s: float | None = None) -> Timing:
@@ -96,6 +121,7 @@ def frame_timings(bench: _Bench) -> list[Timing]:
     varying = pose_skin_varying(body, theta, vertices=chosen)
     fit = PoseFit(theta, matches, matches.distance)
     region = region_of_interest(bench.recording)
+    expected = predict(body.anatomy, bench.state, bench.moment.time_s)
 
     def update() -> None:
         cost = PoseEnergy(body, matches, weights, None)
@@ -107,12 +133,38 @@ def frame_timings(bench: _Bench) -> list[Timing]:
         bench.tracker.follow(target, bench.moment.time_s, bench.state)
 
     views, whole_skin, few = len(bench.moment.frames), len(skin), len(chosen)
+    view, points = bench.target.cloud.views[0], bench.target.cloud.points
+    radius, focal = radius_px(view.camera), view.camera.fx
+    pixels = np.stack(pixel_of(view, points[bench.target.cloud.sensor == 0])[:2], axis=1)
+    near, tree, grid = skin[chosen], cKDTree(points), PointGrid(points)
+    corner = (body.anatomy.skin_faces, incidence(body.anatomy.skin_faces, len(skin))[sample.vertices])
+    views, whole_skin, few = len(bench.moment.frames), len(skin), len(chosen)
     return [
         bench.time(f"read and clean {views} depth images", lambda: read_and_clean(bench.recording, bench.moment)),
+        bench.time(
+            f"patches at {len(pixels)} pixels of one image",
+            lambda: fit_patches(view.depth, pixels, radius_px=radius, focal_px=focal),
+            twin=lambda: fit_patches_by_arrays(view.depth, pixels, radius_px=radius, focal_px=focal),
+        ),
         bench.time("fuse, reading included", lambda: fuse(bench.recording, bench.moment, region=region)),
-        bench.time(f"pose_skin, {whole_skin} vertices", lambda: pose_skin(body, theta)),
-        bench.time(f"normals, {len(sample.vertices)} vertices", lambda: sample.normals(skin)),
-        bench.time(f"pose_skin, {few} matches", lambda: pose_skin(body, theta, vertices=chosen)),
+        bench.time(
+            f"pose_skin, {whole_skin} vertices",
+            lambda: pose_skin(body, theta),
+            twin=lambda: skin_of_blocks(body, theta, columns=0),
+        ),
+        bench.time(
+            f"pose_skin_varying, theta, {whole_skin} vertices",
+            lambda: pose_skin_varying(body, theta),
+            twin=lambda: skin_of_blocks(body, theta, columns=len(theta)),
+        ),
+        bench.time(
+            f"normals, {len(sample.vertices)} vertices",
+            lambda: sample.normals(skin),
+            twin=lambda: vertex_normals(skin, *corner),
+        ),
+        bench.time(
+            f"nearest of {len(points)} points, {few} times", lambda: grid.query(near), twin=lambda: tree.query(near)
+        ),
         bench.time(f"pose_skin_varying, theta, {few} matches", lambda: pose_skin_varying(body, theta, vertices=chosen)),
         bench.time(
             f"find_corres, {len(sample.vertices)} vertices",
@@ -120,10 +172,41 @@ def frame_timings(bench: _Bench) -> list[Timing]:
         ),
         bench.time(f"data_term of the pose, {few} matches", lambda: data_term(varying, matches, weights)),
         bench.time("one pose update (LM step, matches)", update),
+        bench.time("follow: catch up, settle", lambda: follow_pose(body, bench.target, expected, sample)),
         bench.time("judge: find_skin", lambda: find_skin(body, bench.target, theta, sample)),
         bench.time("judge: pose_covariance", lambda: pose_covariance(bench.tracker.subject, fit, sample)),
-        bench.time("whole frame: fuse, follow, judge", whole, target_s=FRAME_TARGET_S),
+        bench.time("whole frame: fuse, follow, judge", whole),
+        replace(loop_timing(bench), target_s=FRAME_TARGET_S),
     ]
+
+
+def skin_of_blocks(body: Body, theta: Floats, *, columns: int) -> Points:
+    """The posed skin from the model's own blocks, with so many columns of derivatives: all by theta, or none."""
+    anatomy = body.anatomy
+    motions = bone_motions(anatomy, theta, constant_points(body.p.value, len(theta)))
+    none = np.zeros((3, 0))
+    still = {name: Motion(motion.rotation, motion.translation, none, none) for name, motion in motions.items()}
+    value, d = np.zeros((len(body.v_hat), 3)), np.zeros((len(body.v_hat), 3, columns))
+    for deformer, bound, share in zip(anatomy.deformers, body.bound_skin, anatomy.deformer_weights.T, strict=True):
+        moved = carry(deformer, bound, motions if columns else still)
+        value += share[:, None] * moved.value
+        d += share[:, None, None] * moved.d
+    return Points(value, d)
+
+
+def loop_timing(bench: _Bench) -> Timing:
+    """From depth images to judged poses, frame after frame, the next one fused ahead as ``track_recording`` does."""
+    moments = instants(bench.recording)
+    begin = min(range(len(moments)), key=lambda k: abs(moments[k].time_s - bench.moment.time_s))
+    left, state = moments[begin : begin + _LOOP_FRAMES], bench.state
+    seconds, processor = [time.perf_counter()], [time.process_time()]
+    ready = partial(ready_target, bench.recording, region_of_interest(bench.recording))
+    for moment, target in zip(left, one_ahead(ready, left), strict=True):
+        if isinstance(target, Target):
+            _, state = bench.tracker.follow(target, moment.time_s, state)
+        seconds.append(time.perf_counter())
+        processor.append(time.process_time())
+    return Timing(f"loop of {len(left)} frames, fused one ahead", np.diff(seconds), np.diff(processor))
 
 
 def read_and_clean(recording: Recording, moment: Instant) -> None:
@@ -150,7 +233,7 @@ def automatic_timing(recording: Recording, subject: Subject) -> Timing:
     return timed(
         f"adaptation, {DEFAULT_POSES} poses, fully automatic",
         lambda: adapt_recording(recording, subject.anatomy),
-        target_s=ADAPTATION_TARGET_S,
+        target_s=AUTOMATIC_TARGET_S,
     )
 
 
@@ -201,9 +284,9 @@ def _moved(anatomy: Anatomy, theta: Floats, to_from: Floats) -> Floats:
 
 
 def timing_table(timings: list[Timing], title: str) -> Table:
-    """Median and range of each stage, the median of the processor's time, and the median's share of the target."""
+    """Median and range of each stage, the processor's median, the twin's and its ratio, and the share of the target."""
     table = Table("stage", title=title)
-    for name in ("median", "range", "processor", "of target"):
+    for name in ("median", "range", "processor", "NumPy twin", "of target"):
         table.add_column(name, justify="right", no_wrap=True)
     for timing in timings:
         scale, unit = (1e3, "ms") if np.median(timing.seconds) < 1.0 else (1.0, "s")
@@ -212,7 +295,10 @@ def timing_table(timings: list[Timing], title: str) -> Table:
         share = ""
         if timing.target_s is not None:
             share = f"{np.median(timing.seconds) / timing.target_s:.2f} of {timing.target_s:g} s"
-        table.add_row(timing.stage, median, spread, used, share)
+        twin = ""
+        if timing.twin is not None:
+            twin = f"{1e3 * np.median(timing.twin):.1f} ms, {np.median(timing.twin) / np.median(timing.seconds):.1f} x"
+        table.add_row(timing.stage, median, spread, used, twin, share)
     return table
 
 
