@@ -26,7 +26,7 @@ _ROUNDS = 8
 _NEARLY_RAD_OR_M = 5e-3  # a pose that moves less between two rounds has caught up
 _GATE_M = 0.03
 _UPDATES = 12
-_STILL_RAD_OR_M = 3e-4  # far below what noise moves a pose by from frame to frame
+_STILL_RAD_OR_M = 1e-3  # below what noise moves a pose by from frame to frame
 
 
 def follow_pose(body: Body, target: Target, expected: GaussianPose, sample: SkinSample) -> PoseFit:
