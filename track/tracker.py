@@ -19,6 +19,7 @@ from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundSkin, find_skin, score_pose
 from adapt.fit.start import locate
+from adapt.fit.untold import towards_rest
 from adapt.subject import Subject
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
@@ -34,6 +35,7 @@ LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alon
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 LARGEST_RESIDUAL_M = 0.006
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
+_BACK_S = 1.0  # time in which a joint that nothing tells of has gone most of the way back to rest
 _LONGEST_WAIT_S = 8.0  # between searches for bones out of sight
 
 
@@ -119,8 +121,10 @@ class Tracker:
     def _continue(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
         anatomy = self.subject.anatomy
         prior = predict(anatomy, state, time_s)
+        kept = float(np.exp(-(time_s - state.time_s) / _BACK_S))  # a motion prior alone would let what is untold drift
+        mean = towards_rest(self.subject.body, prior.mean, state.theta, state.shown, kept)
         try:
-            fit = follow_pose(self.subject.body, target, prior, self.sample)
+            fit = follow_pose(self.subject.body, target, replace(prior, mean=mean), self.sample)
         except FitError as error:
             return _lost(anatomy, time_s, error.problem), state
         frame, known_s = self._judge(fit, target, time_s, state.known_s, least=1)

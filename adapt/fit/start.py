@@ -20,8 +20,19 @@ from adapt.fit.forms import joint_coordinates, typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import ATTACHED_M, FAR_M, VOID_M, ScoredPose, attached_share, score_pose, void_share
+from adapt.fit.score import (
+    ATTACHED_M,
+    FAR_M,
+    VOID_M,
+    FoundPart,
+    ScoredPose,
+    attached_share,
+    find_skin,
+    score_pose,
+    void_share,
+)
 from adapt.fit.slender import slender_parts, thicker_than
+from adapt.fit.untold import towards_rest
 from adapt.model.body import Body, pose_skin, rest_theta
 from capture.errors import FitError
 from capture.fuse import Cloud
@@ -34,6 +45,7 @@ _REFINED = 10
 _PARTS = 4  # of the slender parts, the largest
 _EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
+_IN_SIGHT, _FOUND = 0.1, 0.75  # of a bone's skin, and of that: of bones with less, the cloud tells nothing
 _GOOD_COVERAGE = 0.9  # a pose from a likely start that finds this share of the skin needs no search
 _GOOD_ATTACHED, _GOOD_VOID = 0.4, 0.15  # the same of a pose with less of its outline attached, of its skin in the void
 _CLEARLY_M = 0.003  # a pose found by search must be better by this much than one from a likely start
@@ -49,7 +61,7 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
     candidates = _coarse_candidates(
         body, slender_parts(target.cloud, thicker_than(body.anatomy))[:_PARTS], np.random.default_rng(seed)
     )
-    refined = [score for theta in candidates if (score := _refine(body, target, theta, sample)) is not None]
+    refined = [score for theta in candidates for score in _refined(body, target, theta, sample)]
     if not refined:
         raise FitError(
             "no pose of the anatomy fits the cloud", remedy="narrow the region of interest or give a first pose"
@@ -108,6 +120,24 @@ def try_pose(body: Body, target: Target, sample: SkinSample, start: Floats) -> S
     except FitError:
         return None
     return score_pose(body, target, fit, sample)
+
+
+def _refined(body: Body, target: Target, theta: Floats, sample: SkinSample) -> list[ScoredPose]:
+    """The fit from one start, and where parts of the limb are out of sight or not found the same with these at rest."""
+    fitted = _refine(body, target, theta, sample)
+    if fitted is None:
+        return []
+    parts = find_skin(body, target, fitted.fit.theta, sample).bones
+    shown = np.array([b.name in parts and _is_found(parts[b.name]) for b in body.anatomy.bones])
+    resting = towards_rest(body, fitted.fit.theta, fitted.fit.theta, shown, 0.0)
+    if resting is fitted.fit.theta:
+        return [fitted]
+    again = _refine(body, target, resting, sample)
+    return [fitted] if again is None else [fitted, again]
+
+
+def _is_found(part: FoundPart) -> bool:
+    return part.in_sight > _IN_SIGHT and part.coverage > _FOUND
 
 
 def _refine(body: Body, target: Target, theta: Floats, sample: SkinSample) -> ScoredPose | None:

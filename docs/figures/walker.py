@@ -224,8 +224,10 @@ def _scene(legs: list[Leg], k: int, cloud: Cloud, *, side: bool) -> NDArray[np.u
     for leg in legs:
         if leg.motion.tracked[k]:
             layers += _shown_layers(leg, k)
-    eye = look_at(cloud.points, direction, FLOOR_UP)
-    camera = framing_camera(eye, cloud.points, width=_PANEL[0], height=_PANEL[1])
+    middle = cloud.points.mean(axis=0)
+    around = middle + 1.25 * (cloud.points - middle)  # the limbs' far sides, too
+    eye = look_at(around, direction, FLOOR_UP)
+    camera = framing_camera(eye, around, width=_PANEL[0], height=_PANEL[1])
     image = np.ascontiguousarray(render(layers, eye, camera, points=cloud.points[::_SHOWN_POINTS]))
     cv2.putText(image, f"frame {k}", (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (200, 0, 0), 1, cv2.LINE_AA)
     return np.asarray(image, dtype=np.uint8)

@@ -1,0 +1,57 @@
+"""Joints of which a cloud tells nothing, because all bones on one side of them are out of sight.
+
+The cloud says how the bones in sight stand, but not how the hidden ones beyond do: with thigh and pelvis hidden, any
+angle of the knee explains a shank. Such joints are best guessed to be at rest, with the bones in sight where they were.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.body import Body, bone_transforms
+from capture.rigid import apply, exp_so3, inverse, log_so3
+
+Bools = NDArray[np.bool_]
+
+
+def untold(anatomy: Anatomy, shown: Bools) -> Bools:
+    """Which joint coordinates (n,) lie between bones (B,) of which none shows on the one side, or none on the other."""
+    names = [bone.name for bone in anatomy.bones]
+    told = np.zeros(len(anatomy.coordinates), dtype=bool)
+    for joint in anatomy.joints:
+        beyond = np.isin(names, _beyond(anatomy, joint.child))
+        for name in joint.coordinates:
+            sides = shown[beyond].any() and shown[~beyond].any()
+            told[anatomy.coordinate_index(name)] |= joint.type == "free" or sides
+    return np.asarray(~told)
+
+
+def towards_rest(body: Body, theta: Floats, last: Floats, shown: Bools, kept: float) -> Floats:
+    """The pose ``theta`` (n,) with what is untold where ``last`` (n,) has it, but for the share of the way to rest.
+
+    ``kept`` is the share of the distance from rest that stays. The root moves so that the bones (B,) that show stay
+    where ``theta`` has them.
+    """
+    anatomy = body.anatomy
+    free = untold(anatomy, shown)
+    if not free.any() or not shown.any():
+        return theta
+    rest = np.array([coordinate.rest for coordinate in anatomy.coordinates])
+    guess = np.where(free, rest + kept * (last - rest), theta)
+    first = anatomy.bones[int(shown.argmax())].name
+    move = bone_transforms(body, theta)[first] @ inverse(bone_transforms(body, guess)[first])
+    root = [anatomy.coordinate_index(name) for name in anatomy.joints[0].coordinates]
+    guess[root[:3]] = log_so3(move[:3, :3] @ exp_so3(guess[root[:3]]))
+    guess[root[3:]] = apply(move, guess[root[3:]][None])[0]
+    return guess
+
+
+def _beyond(anatomy: Anatomy, bone: str) -> list[str]:
+    """A bone and all that hang on it."""
+    bones = [bone]
+    for joint in anatomy.joints:  # parents come before their children
+        if joint.parent in bones:
+            bones.append(joint.child)
+    return bones
