@@ -65,7 +65,8 @@ _LOOP_FRAMES = 30
 class Timing:
     """Seconds that each repetition of one stage took (R,), and the processor's part of them (R,).
 
-    The two differ where other programs ran meanwhile. ``twin`` are the seconds of the same work in plain NumPy.
+    The two differ where other programs ran meanwhile. ``twin`` are the processor's seconds for the same
+    work in plain NumPy.
     """
 
     stage: str
@@ -97,7 +98,7 @@ class _Bench:
     ) -> Timing:
         work()  # fills caches
         timing = timed(stage, work, repeat=self.repeat, target_s=target_s)
-        return timing if twin is None else replace(timing, twin=self.time(stage, twin).seconds)
+        return timing if twin is None else replace(timing, twin=self.time(stage, twin).processor)
 
 
 def timed(stage: str, work: Callable[[], object], *, repeat: int = 1, target_s: float | None = None) -> Timing:
@@ -297,7 +298,9 @@ def timing_table(timings: list[Timing], title: str) -> Table:
             share = f"{np.median(timing.seconds) / timing.target_s:.2f} of {timing.target_s:g} s"
         twin = ""
         if timing.twin is not None:
-            twin = f"{1e3 * np.median(timing.twin):.1f} ms, {np.median(timing.twin) / np.median(timing.seconds):.1f} x"
+            twin = (
+                f"{1e3 * np.median(timing.twin):.1f} ms, {np.median(timing.twin) / np.median(timing.processor):.1f} x"
+            )
         table.add_row(timing.stage, median, spread, used, twin, share)
     return table
 
