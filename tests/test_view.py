@@ -17,7 +17,7 @@ from capture.errors import BonetrackError
 from tests.known_limb import KnownLimb
 from tests.known_motion import HIDDEN, known_motion, reported_subject
 from track.motion import MotionError, save_motion
-from track.poses_by_hand import read_poses
+from track.poses_by_hand import PosesError, read_poses, write_poses
 from track.view.angle_charts import _ticks
 from track.view.commands import view_command
 from track.view.embedded import thinned, write_embedded
@@ -162,6 +162,21 @@ def test_without_viser_one_line_says_what_to_install(folder: Path, monkeypatch: 
         result = CliRunner().invoke(view_command, [str(folder / "subject.npz"), *more])
         assert isinstance(result.exception, ViewError)
         assert "pip install 'bonetrack[view]'" in str(result.exception)
+
+
+def test_poses_of_another_limb_are_refused_in_one_line(
+    folder: Path, tmp_path: Path, limb: KnownLimb, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra: view)")
+    write_poses(tmp_path / "poses.json", limb.subject.anatomy, [])
+    text = (tmp_path / "poses.json").read_text(encoding="utf-8").replace("upper-limb", "lower-limb")
+    (tmp_path / "poses.json").write_text(text, encoding="utf-8")
+    command = [str(folder / "motion"), "--subject", str(folder / "subject.npz"), "--port", str(_PORT + 1)]
+    command += ["--recording", str(limb.recording.path), "--poses", str(tmp_path / "poses.json")]
+    result = CliRunner().invoke(view_command, command)
+    assert isinstance(result.exception, PosesError)
+    assert "name another file with --poses" in str(result.exception)
+    assert "viser" not in capfd.readouterr().out
 
 
 @pytest.fixture

@@ -104,7 +104,7 @@ def _poses(value: Any, path: Path, anatomy: Anatomy, *, frames: int | None) -> t
         raise PosesError(newer, where=path, remedy="update bonetrack")
     if document["anatomy"] != anatomy.name:
         other = f"holds poses of anatomy {document['anatomy']!r}, not {anatomy.name!r}"
-        raise PosesError(other, where=path, remedy="give the poses of this subject's limb")
+        raise PosesError(other, where=path, remedy="name another file with --poses")
     if not isinstance(document["poses"], list):
         raise PosesError("'poses' must be a list", where=path, remedy=_REMEDY)
     poses = [_pose(entry, k, path, anatomy, frames) for k, entry in enumerate(document["poses"])]

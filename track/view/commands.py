@@ -50,11 +50,15 @@ def view_command(
         size = html.stat().st_size / 1e6
         stdout.print(f"{frames} of {len(scene.times)} frames written to {html} ({size:.1f} MB)", highlight=False)
         return
-    from track.view.viewer import Viewer, start_server
+    from track.view.viewer import Viewer, start_server, stop_server
 
     scene = open_scene(source, subject=subject, recording=recording)
     server = start_server(host=host, port=port)
-    viewer = Viewer(server, scene, poses=poses, region=chosen)
+    try:
+        viewer = Viewer(server, scene, poses=poses, region=chosen)
+    except BaseException:
+        stop_server(server)
+        raise
     stdout.print(f"open http://{server.get_host()}:{server.get_port()} in a browser; Ctrl+C ends", highlight=False)
     try:
         server.sleep_forever()
