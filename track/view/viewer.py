@@ -209,7 +209,8 @@ class Viewer:
         opaque = image[..., 3:] / 255.0
         flat = (image[..., :3] * opaque + 255.0 * (1.0 - opaque)).astype(np.uint8)
         _, encoded = cv2.imencode(".png", flat[:, :, ::-1])
-        client.send_file_download(f"frame_{self.scene.numbers[self.timeline.frame]:05d}.png", encoded.tobytes())
+        name = f"frame_{self.scene.numbers[self.timeline.frame]:05d}.png"
+        client.send_file_download(name, encoded.tobytes(), save_immediately=True)
 
 
 _ERROR_LEGEND = (
