@@ -9,7 +9,7 @@ import pytest
 
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
-from docs.figures.bones import (
+from track.evaluation.bones import (
     FIGURE_7,
     Proportions,
     depth_inside,
@@ -21,8 +21,8 @@ from docs.figures.bones import (
     pose,
     similarity_residual,
 )
-from docs.figures.sections import Sections, sections
-from docs.figures.skinning import bone_weights, bound_to, dual_quaternions, forearm_line, linear_blending
+from track.evaluation.sections import Sections, sections
+from track.evaluation.skinning import bone_weights, bound_to, dual_quaternions, forearm_line, linear_blending
 
 LEVELS = np.linspace(0.10, 0.95, 18)
 TWISTS = (-90.0, -45.0, 0.0, 45.0, 90.0)

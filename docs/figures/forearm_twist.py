@@ -17,14 +17,14 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
-from sections import Sections, sections
-from skinning import bone_weights, bound_to, dual_quaternions, forearm_line, linear_blending
 
 from adapt.anatomy import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, rest_theta
 from capture.camera import Camera
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from track.evaluation.sections import Sections, sections
+from track.evaluation.skinning import bone_weights, bound_to, dual_quaternions, forearm_line, linear_blending
 from track.view.render import SKIN, Layer, framing_camera, look_at, render
 
 Floats = NDArray[np.float64]

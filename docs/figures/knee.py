@@ -15,7 +15,6 @@ from pathlib import Path
 
 import click
 import numpy as np
-from bones import FIGURE_7
 from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial.transform import Rotation
@@ -30,6 +29,7 @@ from adapt.model.variation import constant_points
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.rigid import apply, inverse
+from track.evaluation.bones import FIGURE_7
 from track.evaluation.errors import distance_to_mesh
 from track.view.render import BONE, Layer, framing_camera, look_at, render, save_png
 

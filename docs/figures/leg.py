@@ -13,7 +13,6 @@ from typing import Any
 
 import click
 import numpy as np
-from bones import pose
 from rich.table import Table
 
 from adapt.anatomy import Deformer, Floats, Ints, load_anatomy
@@ -22,6 +21,7 @@ from adapt.model.frames import frame_from_landmarks
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.rigid import apply
+from track.evaluation.bones import pose
 from track.view.pictures import body_layers
 from track.view.render import framing_camera, look_at, render
 

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import click
 import numpy as np
-from bones import FIGURE_7, Proportions, drift, heads, joint_poses, overlap, pose, similarity_residual
 from rich.table import Column, Table
 
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from track.evaluation.bones import FIGURE_7, Proportions, drift, heads, joint_poses, overlap, pose, similarity_residual
 from track.view.pictures import body_layers
 from track.view.render import framing_camera, look_at, render
 

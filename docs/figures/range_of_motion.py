@@ -15,13 +15,13 @@ from typing import Any
 
 import click
 import numpy as np
-from bones import depth_inside, grid, overlap, pose
 from rich.table import Table
 
 from adapt.anatomy import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from track.evaluation.bones import depth_inside, grid, overlap, pose
 from track.view.pictures import body_layers
 from track.view.render import framing_camera, look_at, render
 

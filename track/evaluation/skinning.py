@@ -10,14 +10,12 @@ Dual quaternions:   v = T(q) v_rest with q = sum_b w_b q_b / |sum_b w_b q_b|, ev
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from adapt.anatomy import Floats
 from adapt.model.body import Body, bone_transforms, rest_theta
 from adapt.model.frames import frame_from_landmarks
 from capture.rigid import apply, inverse
-
-Floats = NDArray[np.float64]
 
 
 def bone_weights(body: Body) -> Floats:

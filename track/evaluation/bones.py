@@ -5,24 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
-import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from adapt.anatomy import Anatomy, Joint
+from adapt.anatomy import Anatomy, Floats, Ints, Joint
 from adapt.model.body import Body, bone_transforms, make_body, rest_theta
 from adapt.model.handles import affine_set
 from capture.rigid import apply, inverse
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _HEAD_RADIUS_M = 0.045
 
 
 def depth_inside(points: Floats, vertices: Floats, faces: Ints) -> Floats:
     """How deep (N,) in m points lie inside a surface; negative outside. Holes and folds are no harm."""
+    import igl
+
     kind = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER
     parts = (np.ascontiguousarray(points), np.ascontiguousarray(vertices), np.ascontiguousarray(faces))
     return -np.asarray(igl.signed_distance(*parts, kind)[0])
