@@ -9,83 +9,23 @@ Prints the smallest cross-section, the volume and the bow of the forearm's centr
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
-from adapt.anatomy import load_anatomy
-from adapt.model.body import Body, make_body, pose_skin, rest_theta
+from adapt.anatomy import Floats, load_anatomy
+from adapt.model.body import Body, make_body, rest_theta
 from capture.camera import Camera
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.evaluation.sections import Sections, sections
-from track.evaluation.skinning import bone_weights, bound_to, dual_quaternions, forearm_line, linear_blending
+from track.evaluation.experiments.forearm import LEVELS, METHODS, Twist, forearm_sections, measure, with_twist
+from track.evaluation.sections import Sections
 from track.view.render import SKIN, Layer, framing_camera, look_at, render
 
-Floats = NDArray[np.float64]
-Method = Callable[[Body, Floats, Floats], Floats]
-
-LEVELS = np.linspace(0.10, 0.95, 69)  # shares of the way from the elbow's to the wrist's middle
 ANGLES = (-90.0, -45.0, 0.0, 45.0, 90.0)
 BOUND = 90.0  # degrees: full pronation, where the whole twist starts
-
-
-def ours(body: Body, theta: Floats, bound: Floats) -> Floats:
-    """The model itself; it needs no skin to be bound to."""
-    return pose_skin(body, theta)
-
-
-def blended(how: Callable[[Floats, Floats, Floats], Floats]) -> Method:
-    """Skin posed by blending bones, from the model's skin in the pose ``bound``."""
-
-    def method(body: Body, theta: Floats, bound: Floats) -> Floats:
-        return how(pose_skin(body, bound), bone_weights(body), bound_to(body, bound, theta))
-
-    return method
-
-
-METHODS: dict[str, Method] = {
-    "forearm deformer": ours,
-    "linear blending": blended(linear_blending),
-    "dual quaternions": blended(dual_quaternions),
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Twist:
-    """One method at one angle: posed skin (V, 3) and its sections, relative to the rest skin's."""
-
-    method: str
-    angle: float  # degrees
-    skin: Floats = field(repr=False)
-    sections: Sections = field(repr=False)
-    area: Floats = field(repr=False)  # (L,) relative to rest
-    volume: float  # relative to rest
-
-
-def measure(body: Body, method: str, angle: float, bound: Floats) -> Twist:
-    """Pose the rest body with pro_sup at ``angle`` (degrees) and slice its forearm."""
-    theta = with_twist(body, angle)
-    skin = METHODS[method](body, theta, bound)
-    rest, posed = forearm_sections(body, body.v_tilde.value, rest_theta(body)), forearm_sections(body, skin, theta)
-    return Twist(method, angle, skin, posed, posed.areas / rest.areas, posed.volume() / rest.volume())
-
-
-def with_twist(body: Body, angle: float) -> Floats:
-    """The rest pose with pro_sup at ``angle`` (degrees)."""
-    theta = rest_theta(body)
-    theta[body.anatomy.coordinate_index("pro_sup")] = np.deg2rad(angle)
-    return theta
-
-
-def forearm_sections(body: Body, skin: Floats, theta: Floats) -> Sections:
-    """Slices from the middle of the elbow to the middle of the wrist, where the bones have carried them."""
-    return sections(skin, body.anatomy.skin_faces, *forearm_line(body, theta), LEVELS)
 
 
 def table(title: str, rest: Sections, twists: list[Twist]) -> Table:

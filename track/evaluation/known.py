@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +21,7 @@ from capture.simulate import SensorRig
 from track.evaluation.errors import read_truth, world_from_common
 from track.evaluation.performance import Performance
 from track.evaluation.simulate import simulate_performance
+from track.evaluation.things import Thing
 
 CARMINE = carmine()
 
@@ -49,14 +51,15 @@ def record_known(
     *,
     noise: NoiseModel | None = CARMINE,
     rig: SensorRig | None = None,
+    things: Sequence[Thing] = (),
     seed: int = 0,
 ) -> KnownRecording:
-    """Simulate a performance, calibrate by the box, and carry the truth into the common frame.
+    """Simulate a performance with ``things`` besides, calibrate by the box, and carry the truth into the common frame.
 
     A recording that stands there already is used as it is.
     """
     if not (out / "truth.npz").is_file():
-        simulate_performance(performance, out, noise=noise, rig=rig, seed=seed, overwrite=True)
+        simulate_performance(performance, out, noise=noise, rig=rig, seed=seed, things=things, overwrite=True)
         recording = open_recording(out)
         write_calibration(recording, calibrate_recording(recording))
     recording = open_recording(out)

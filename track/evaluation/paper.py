@@ -15,10 +15,18 @@ import click
 
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.evaluation.experiments import poses
+from track.evaluation.experiments import bend_and_twist, forearm, handles, poses, sensitivity, skin, starts
 from track.evaluation.experiments.experiment import Experiment, Result
 
-EXPERIMENTS: tuple[Experiment, ...] = (poses.EXPERIMENT,)
+EXPERIMENTS: tuple[Experiment, ...] = (
+    poses.EXPERIMENT,
+    forearm.EXPERIMENT,
+    bend_and_twist.EXPERIMENT,
+    skin.EXPERIMENT,
+    starts.EXPERIMENT,
+    handles.EXPERIMENT,
+    sensitivity.EXPERIMENT,
+)
 
 
 def run_case(experiment: Experiment, case: str, out: Path) -> Result:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from capture.recording import Recording
 from capture.sensor import NoiseModel
 from capture.simulate import SensorRig, default_rig, simulate_recording
 from track.evaluation.performance import Performance
+from track.evaluation.things import Thing, faces_with_things, skin_and_things
 from track.motion import coordinate_names
 
 
@@ -22,18 +23,18 @@ def simulate_performance(
     noise: NoiseModel | None = None,
     rig: SensorRig | None = None,
     seed: int = 0,
+    things: Sequence[Thing] = (),
     overwrite: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Recording:
-    """Record a performance; ``truth.npz`` then also holds the body and its poses.
+    """Record a performance, and ``things`` besides; ``truth.npz`` then also holds the body and its poses.
+
+    Without a ``rig``, the sensors are placed as ``performance_rig`` does.
 
     Raises:
         RecordingError: see ``capture.simulate.simulate_recording``.
     """
     body = performance.body
-    if rig is None:
-        some = performance.thetas[:: max(1, len(performance.thetas) // 60)]
-        rig = default_rig(np.concatenate([pose_skin(body, theta) for theta in some]), seed=seed)
     truth = {
         "anatomy": np.array(body.anatomy.name),
         "coordinates": np.array(coordinate_names(body.anatomy)),
@@ -43,13 +44,27 @@ def simulate_performance(
     }
     return simulate_recording(
         out,
-        (pose_skin(body, theta) for theta in performance.thetas),
-        body.anatomy.skin_faces,
+        (skin_and_things(body, theta, things) for theta in performance.thetas),
+        faces_with_things(body, things),
         performance.times.tolist(),
-        rig=rig,
+        rig=performance_rig(performance, seed=seed) if rig is None else rig,
         noise=noise,
         seed=seed,
         truth=truth,
         overwrite=overwrite,
         progress=progress,
     )
+
+
+def performance_rig(
+    performance: Performance,
+    *,
+    distance_m: float = 1.2,
+    spread_deg: float = 80.0,
+    elevations_deg: Sequence[float] = (24.0, 12.0),
+    seed: int = 0,
+) -> SensorRig:
+    """Sensors around a performance: ``capture.simulate.default_rig`` around the skin in some of its poses."""
+    some = performance.thetas[:: max(1, len(performance.thetas) // 60)]
+    points = np.concatenate([pose_skin(performance.body, theta) for theta in some])
+    return default_rig(points, distance_m=distance_m, spread_deg=spread_deg, elevations_deg=elevations_deg, seed=seed)
