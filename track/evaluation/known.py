@@ -60,9 +60,10 @@ def record_known(
     """
     if not (out / "truth.npz").is_file():
         simulate_performance(performance, out, noise=noise, rig=rig, seed=seed, things=things, overwrite=True)
-        recording = open_recording(out)
-        write_calibration(recording, calibrate_recording(recording))
     recording = open_recording(out)
+    if recording.calibration is None:
+        write_calibration(recording, calibrate_recording(recording))
+        recording = open_recording(out)
     truth = read_truth(recording)
     common_from_world = inverse(world_from_common(recording, truth))
     return KnownRecording(recording, truth.body, carried(truth.body.anatomy, truth.thetas, common_from_world))

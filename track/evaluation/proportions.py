@@ -87,7 +87,8 @@ def warped_bones(anatomy: Anatomy, skins: list[Floats]) -> list[dict[str, Floats
     Anatomy Transfer interpolates the skin's displacement into the body before it fits the bones. Radial functions
     |x - x_i|, the biharmonic equation's fundamental solution in space, on vertices of the skin.
     """
-    some = np.linspace(0, len(anatomy.skin_vertices) - 1, _SKIN_SAMPLES).round().astype(int)
+    count = len(anatomy.skin_vertices)
+    some = np.linspace(0, count - 1, min(_SKIN_SAMPLES, count)).round().astype(int)
     shifts = np.concatenate([skin[some] - anatomy.skin_vertices[some] for skin in skins], axis=1)
     field_ = RBFInterpolator(anatomy.skin_vertices[some], shifts, kernel="linear", degree=1)
     moved = {bone.name: field_(bone.vertices).reshape(len(bone.vertices), -1, 3) for bone in anatomy.bones}

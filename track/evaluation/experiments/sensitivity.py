@@ -102,18 +102,22 @@ def case_name(limb: str, condition: Condition, seed: int) -> str:
     return f"{limb} {condition.name} seed {seed}"
 
 
-def _parts(case: str) -> tuple[str, Condition, int]:
+def case_parts(case: str) -> tuple[str, Condition, int]:
+    """The limb, condition and seed that a case names."""
     limb, *name, _, seed = case.split()
     return limb, next(c for c in CONDITIONS if c.name == " ".join(name)), int(seed)
 
 
 def run(case: str, folder: Path) -> Result:
     """Track one subject under one condition; what stops that is the result, too."""
-    limb, condition, seed = _parts(case)
-    standard = folder.with_name(case_name(limb, STANDARD, seed).replace(" ", "-"))
+    limb, condition, seed = case_parts(case)
+    home = folder.parent / "standard" / f"{limb}-{seed}"  # what the other conditions share with the standard one
     try:
-        known = _recorded(limb, condition, seed, folder if condition.records else standard)
-        subject = _subject(limb, condition, seed, folder, standard)
+        known = _recorded(limb, condition, seed, folder if condition.records else home)
+        if condition.adapts:
+            subject = _subject(known, condition, home if condition is STANDARD else folder)
+        else:
+            subject = _subject(_recorded(limb, STANDARD, seed, home), STANDARD, home)
         recording = shifted(known.recording, condition.shift_mm, seed)
         motion = track_recording(recording, subject, folder / "motion")
         evaluation = evaluate_motion(motion, subject, recording)
@@ -122,13 +126,10 @@ def run(case: str, folder: Path) -> Result:
     return errors_by_kind(evaluation) | {"claimed": evaluation.claimed, "bones": evaluation.bones}
 
 
-def _subject(limb: str, condition: Condition, seed: int, folder: Path, standard: Path) -> Subject:
-    """The subject under a condition, adapted where that has not been done yet."""
-    if not condition.adapts:
-        return _subject(limb, STANDARD, seed, standard, standard)
+def _subject(known: KnownRecording, condition: Condition, folder: Path) -> Subject:
+    """The subject under a condition, adapted if that has not been done yet."""
     path = folder / "subject.npz"
     if not path.is_file():
-        known = _recorded(limb, condition, seed, folder if condition.records else standard)
         save_subject(adapt_recording(known.recording, known.body.anatomy, poses=condition.poses), path)
     return load_subject(path)
 
@@ -172,7 +173,7 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
     """A table for each limb and one chart."""
     groups: dict[str, dict[str, list[Result]]] = {}
     for case, result in results.items():
-        limb, condition, _ = _parts(case)
+        limb, condition, _ = case_parts(case)
         groups.setdefault(limb, {}).setdefault(condition.name, []).append(result)
     tables = "\n\n".join(_table(limb, conditions) for limb, conditions in groups.items())
     motions = " or ".join(limb.motion for limb in LIMBS.values())

@@ -64,12 +64,12 @@ def run(case: str, folder: Path) -> Result:
     targets = known.targets(list(range(_POSES)))
     anatomy = known.body.anatomy
     around = disturbed(anatomy, known.thetas, seed, degrees=_AROUND_DEG, metres=_AROUND_M)
-    traces, ends = {}, []
+    traces: dict[str, list[Result]] = {}
+    ends: list[tuple[Body, Floats]] = []
     for start in STARTS:
         thetas = around.copy()
         thetas[:, anatomy.coordinate_index("elbow_flexion")] += np.deg2rad(start.elbow_deg)
-        trace, *end = _traced(known, targets, scaled_body(anatomy, start.scale), thetas)
-        traces[start.name] = trace
+        traces[start.name], end = _traced(known, targets, scaled_body(anatomy, start.scale), thetas)
         ends.append(end)
     apart = [1e3 * vertex_error(*one, *other) for one, other in combinations(ends, 2)]
     best = adapt_body(make_body(anatomy), targets, known.thetas)
@@ -78,7 +78,7 @@ def run(case: str, folder: Path) -> Result:
 
 def _traced(
     known: KnownRecording, targets: list[Target], body: Body, thetas: Floats
-) -> tuple[list[Result], Body, Floats]:
+) -> tuple[list[Result], tuple[Body, Floats]]:
     """Algorithm 4 as ``adapt_body`` runs it, one update of the correspondences at a time."""
     sample = sample_skin(body.anatomy)
     bony = weighted_by_tissue(sample, body.anatomy)
@@ -95,7 +95,7 @@ def _traced(
             body = fit_skin(body, thetas, matches, sample)
         noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
         trace.append(_errors(known, body, thetas))
-    return trace, body, thetas
+    return trace, (body, thetas)
 
 
 def _matched(
