@@ -6,6 +6,7 @@ First poses, the longest part, are lines of a journal beside the subject's file 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from glob import escape
 from pathlib import Path
 
 from adapt.anatomy import Anatomy, Floats, anatomy_arrays
@@ -13,6 +14,7 @@ from adapt.fit.alternate import Progress
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.subject import Subject, save_subject
 from capture.errors import BonetrackError
+from capture.files import remove_left_over
 from capture.fuse import Region
 from capture.journal import journal_key, resume_journal
 from capture.recording import Recording
@@ -35,6 +37,7 @@ def adapt_into(
         FitError, CloudError, RecordingError, CalibrationError: see ``adapt_recording``.
     """
     out.parent.mkdir(parents=True, exist_ok=True)
+    remove_left_over(out.parent, f".{escape(out.stem)}.*partial-*")
     key = _key(recording, anatomy, f"{poses} {frames}", first_poses or {}, region or recording.region)
     journal = resume_journal(journal_path(out), key)
     try:

@@ -32,7 +32,7 @@ from capture._recording_types import (
     Sensor,
 )
 from capture.errors import RecordingError
-from capture.files import replaced_when_complete
+from capture.files import naming, remove_left_over, replaced_when_complete
 
 _LARGEST_READING = 65535
 
@@ -47,7 +47,7 @@ class RecordingWriter:
         path: the folder to make.
         sensors: what the sensors are; their frames are ignored (``add_frame`` gives them).
         created_by: which program or person made the recording.
-        overwrite: replace a recording (finished or not) that stands there already.
+        overwrite: replace a recording that stands there already; one that was never finished is replaced anyway.
 
     Raises:
         RecordingError: the folder holds something already and may not be replaced.
@@ -143,7 +143,8 @@ class RecordingWriter:
         return index
 
     def _list(self, name: str, list_name: str, index: int, file: str, time_s: float) -> None:
-        with (self.path / name / list_name).open("a", encoding="utf-8") as frames:
+        file_list = self.path / name / list_name
+        with naming(file_list), file_list.open("a", encoding="utf-8") as frames:
             if index == 0 and frames.tell() == 0:
                 frames.write("file,time_s\n")
             frames.write(f"{file},{float(time_s)!r}\n")
@@ -207,6 +208,7 @@ def _make_room(path: Path, *, overwrite: bool) -> None:
     if path.exists() and not path.is_dir():
         raise RecordingError("is a file, not a folder", where=path, remedy="give another name")
     path.mkdir(parents=True, exist_ok=True)
+    remove_left_over(path)
     if not any(path.iterdir()):
         return
     header = next((path / name for name in (HEADER_FILE, UNFINISHED_FILE) if (path / name).is_file()), None)
@@ -214,7 +216,7 @@ def _make_room(path: Path, *, overwrite: bool) -> None:
         raise RecordingError(
             "is not empty and not a recording, so it will not be replaced", where=path, remedy="give another folder"
         )
-    if not overwrite:
+    if not overwrite and not (path / UNFINISHED_FILE).is_file():
         raise RecordingError(
             "holds a recording already", where=path, remedy="allow overwriting, or give another folder"
         )

@@ -30,7 +30,25 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
     """
     partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
     try:
-        yield partial
-        os.replace(partial, path)
+        with naming(path, partial):
+            yield partial
+            os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def naming(path: Path, partial: Path | None = None) -> Iterator[None]:
+    """Errors of the operating system name this file where they name none (a full disk) or the ``partial`` one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or str(error.filename) == str(partial):
+            error.filename = str(path)
+        raise
+
+
+def remove_left_over(folder: Path, pattern: str = ".*.partial-*") -> None:
+    """Remove what a run that was killed while it wrote left under temporary names."""
+    for left_over in folder.glob(pattern):
+        left_over.unlink(missing_ok=True)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.files import replaced_when_complete
+from capture.files import naming, replaced_when_complete
 from capture.recording import Recording
 
 
@@ -28,7 +28,7 @@ class Journal:
 
     def append(self, entry: Any) -> None:
         """Add a finished piece. Numbers come back as they were, to the last bit."""
-        with self.path.open("a", encoding="utf-8") as file:
+        with naming(self.path), self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(entry, default=_plain) + "\n")
 
     def remove(self) -> None:

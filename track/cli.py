@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 
@@ -61,9 +62,19 @@ def main() -> None:
         sys.exit(1)
 
 
+_REMEDIES = (
+    (
+        (errno.ENOSPC, errno.EDQUOT, errno.EFBIG),
+        "make room, then give the same command again: adapt and track go on where they stopped",
+    ),
+    ((errno.EACCES, errno.EPERM, errno.EROFS), "give a folder that you may write to, or check the file's permissions"),
+)
+
+
 def _one_line(error: Exception) -> str:
     if isinstance(error, BonetrackError):
         return str(error)
     if isinstance(error, OSError):
-        return f"{error.filename or 'a file'}: {error.strerror or error}"
+        remedy = next((words for numbers, words in _REMEDIES if error.errno in numbers), "check its name and path")
+        return f"{error.filename or 'a file'}: {error.strerror or error}; {remedy}"
     return f"unexpected {type(error).__name__}: {error}; run again with --debug and report it"
