@@ -6,6 +6,8 @@ This module is what the rest of the program uses; the data stand in ``_recording
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from capture._recording_read import open_recording, read_depth
@@ -40,30 +42,53 @@ __all__ = [
     "write_calibration_file",
 ]
 
+_STOOD_STILL = 1.5
+"""A frame this many tolerances from any of the clock's was not paired with a neighbour's: the clock missed its time."""
+
 
 def instants(recording: Recording, tolerance_s: float = 1.0 / 60.0) -> list[Instant]:
     """Group the frames of all sensors into instants, in order of time.
 
     The sensor with the most frames is the clock. Each other sensor gives the frame nearest in time, if it is
     within the tolerance, and each frame goes to one instant at most, the nearest; a sensor without such a frame
-    is absent from the instant.
+    is absent from the instant. Frames far from any tick, where the clock stood still, are grouped by themselves.
 
     Raises:
         RecordingError: no sensor has a frame.
     """
-    clock = max(recording.sensors, key=lambda sensor: len(sensor.frames))
-    if not clock.frames:
+    found: list[Instant] = []
+    left = {sensor.name: list(sensor.frames) for sensor in recording.sensors}
+    while any(left.values()):
+        clock = max(left, key=lambda name: len(left[name]))
+        ticks, others = left.pop(clock), {name: frames for name, frames in left.items() if frames}
+        found += _on_ticks(clock, ticks, others, tolerance_s)
+        left = {name: _far_from(ticks, frames, _STOOD_STILL * tolerance_s) for name, frames in others.items()}
+    if not found:
         problem = "there are no depth frames, only box frames"
         raise RecordingError(problem, where=recording.path, remedy="record the person, too")
-    frames = [{clock.name: frame} for frame in clock.frames]
-    clock_times = np.array([frame.time_s for frame in clock.frames])
-    for sensor in recording.sensors:
-        if sensor is clock or not sensor.frames:
-            continue
-        times = np.array([frame.time_s for frame in sensor.frames])
-        for instant, frame in _nearest_pairs(clock_times, times, tolerance_s):
-            frames[instant][sensor.name] = sensor.frames[frame]
-    return [Instant(frame.time_s, seen) for frame, seen in zip(clock.frames, frames, strict=True)]
+    return sorted(found, key=lambda instant: instant.time_s)
+
+
+def _on_ticks(
+    clock: str, ticks: list[FrameFile], others: Mapping[str, list[FrameFile]], tolerance_s: float
+) -> list[Instant]:
+    """One instant for each frame of the clock, with the frames of the others that belong to it."""
+    seen = [{clock: frame} for frame in ticks]
+    for name, frames in others.items():
+        for instant, frame in _nearest_pairs(_times(ticks), _times(frames), tolerance_s):
+            seen[instant][name] = frames[frame]
+    return [Instant(frame.time_s, there) for frame, there in zip(ticks, seen, strict=True)]
+
+
+def _far_from(ticks: list[FrameFile], frames: list[FrameFile], seconds: float) -> list[FrameFile]:
+    """The frames with no tick within so many seconds."""
+    clock, times = _times(ticks), _times(frames)
+    apart = np.abs(times - clock[_nearest(clock, times)])
+    return [frame for frame, far in zip(frames, apart > seconds, strict=True) if far]
+
+
+def _times(frames: list[FrameFile]) -> Floats:
+    return np.array([frame.time_s for frame in frames])
 
 
 def _nearest_pairs(clock: Floats, times: Floats, tolerance_s: float) -> list[tuple[int, int]]:

@@ -241,12 +241,14 @@ def _timed(path, times):
 def test_an_instant_takes_the_nearest_frames_of_the_other_sensors(tmp_path):
     recording = _timed(tmp_path / "rec", {"a": [0.005, 0.040, 0.300], "b": [0.0, 0.033, 0.067, 0.100]})
     got = instants(recording)
-    assert [instant.time_s for instant in got] == [0.0, 0.033, 0.067, 0.100]
+    assert [instant.time_s for instant in got] == [0.0, 0.033, 0.067, 0.100, 0.300]
+    assert set(got[-1].frames) == {"a"}  # the clock has ended; nothing else saw that time
     assert [instant.frames["a"].time_s if "a" in instant.frames else None for instant in got] == [
         0.005,
         0.040,
         None,
         None,
+        0.300,
     ]
 
 
@@ -279,3 +281,43 @@ def test_a_calibration_is_read_back_and_checked(tmp_path):
     change(file, lambda c: c["sensors"].update(ghost=c["sensors"].pop("left")))
     with pytest.raises(RecordingError, match="ghost"):
         open_recording(recording.path)
+
+
+def test_where_the_clock_stands_still_the_other_sensors_frames_count(tmp_path):
+    """The sensor with the most frames dies first."""
+    sensors = [Sensor(name, CAMERA) for name in ("fast", "slow", "slower")]
+    with RecordingWriter(tmp_path / "rec", sensors=sensors, created_by="test") as writer:
+        for k in range(30):
+            writer.add_frame("fast", np.ones((30, 40)), k / 30.0)
+        for k in range(20):
+            writer.add_frame("slow", np.ones((30, 40)), k / 10.0)
+        for k in range(10):
+            writer.add_frame("slower", np.ones((30, 40)), k / 5.0)
+    moments = instants(open_recording(tmp_path / "rec"))
+    times = [moment.time_s for moment in moments]
+    assert times == sorted(times)
+    assert len(times) == 40
+    assert set(moments[0].frames) == {"fast", "slow", "slower"}
+    assert set(moments[1].frames) == {"fast"}
+    assert set(moments[-2].frames) == {"slow", "slower"}
+    assert set(moments[-1].frames) == {"slow"}
+
+
+def test_a_recording_that_was_never_finished_is_begun_anew(tmp_path):
+    """So that the same command goes on after it was killed."""
+
+    def write(count):
+        with RecordingWriter(tmp_path / "rec", sensors=[Sensor("s", CAMERA)], created_by="test") as writer:
+            for k in range(count):
+                writer.add_frame("s", np.ones((30, 40)), float(k))
+            if count == 2:
+                (tmp_path / "rec" / "s" / ".000002.partial-1.png").write_bytes(b"cut sh")
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write(2)
+    write(1)
+    assert len(open_recording(tmp_path / "rec").sensors[0].frames) == 1
+    assert {path.name for path in (tmp_path / "rec" / "s").iterdir()} == {"000000.png", "frames.csv"}
+    with pytest.raises(RecordingError, match="holds a recording already"):
+        write(1)
