@@ -20,9 +20,10 @@ from capture.recording import instants, open_recording
 from tests.known_limb import FPS, covered, cropped, exact_target, known_subject
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_leg import toy_leg
+from track.prediction import unsure_where_unknown
 from track.run import track_recording
 from track.shown import bones_shown, centres_known, coordinates_known, coordinates_seen, known_thetas, skin_shown
-from track.tracker import TrackerState, make_tracker, unsure_where_unknown
+from track.tracker import TrackerState, make_tracker
 
 FOUND, HIDDEN = FoundPart(0.4, 0.002, 1.0), FoundPart(0.0, 0.05, 0.0)
 

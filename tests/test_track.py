@@ -24,14 +24,9 @@ from capture.recording import open_recording
 from capture.rigid import exp_so3, log_so3
 from tests.known_limb import FPS, FRAMES, exact_cloud, exact_target
 from track.motion import MotionError, load_motion
+from track.prediction import advance, pose_difference, predict
 from track.run import JOURNAL, track_recording
-from track.tracker import (
-    TrackerState,
-    advance,
-    make_tracker,
-    pose_difference,
-    predict,
-)
+from track.tracker import TrackerState, make_tracker
 from track.uncertainty import pose_covariance
 
 

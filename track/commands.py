@@ -18,6 +18,11 @@ _PATH = click.Path(path_type=Path)
 @click.option("--out", required=True, type=_PATH, help="The motion folder to write.")
 @click.option("--anatomy", default=None, help="Refuse subjects of another anatomy.")
 @click.option("--thorax", type=_PATH, help="JSON with the thorax frame (4 x 4) in the recording: adds ISB angles.")
+@click.option(
+    "--poses",
+    type=_PATH,
+    help="Poses set by hand (JSON, from `bonetrack view`): tracking starts from each, onward and back into the gap.",
+)
 @region_option
 def track_command(
     recording: Path,
@@ -25,19 +30,22 @@ def track_command(
     out: Path,
     anatomy: str | None,
     thorax: Path | None,
+    poses: Path | None,
     region: tuple[float, ...] | None,
 ) -> None:
     """Track SUBJECT through RECORDING; a run that was cut short goes on where it stopped."""
     from rich.progress import Progress
 
     from adapt.subject import load_subject
-    from capture.recording import open_recording
+    from capture.recording import instants, open_recording
     from track.angles import read_thorax
+    from track.poses_by_hand import read_poses
     from track.run import track_recording
 
     opened = open_recording(recording)
     person = load_subject(subject, anatomy=anatomy)
     frame = read_thorax(thorax) if thorax else None
+    by_hand = read_poses(poses, person.anatomy, frames=len(instants(opened))) if poses else ()
     with Progress(console=stdout, transient=True) as bar:
         task = bar.add_task("tracking", total=None)
         motion = track_recording(
@@ -45,6 +53,7 @@ def track_command(
             person,
             out,
             region=as_region(region),
+            poses=by_hand,
             world_from_thorax=frame,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
@@ -62,6 +71,9 @@ def print_motion(motion) -> None:  # type: ignore[no-untyped-def]
         residual = 1e3 * float(np.median(motion.residuals[tracked]))
         coverage = 100.0 * float(np.median(motion.coverage[tracked]))
         stdout.print(f"skin to cloud {residual:.2f} mm (median), {coverage:.0f} % of the skin in sight found")
+    for how, told in _HOW.items():
+        if count := motion.how.count(how):
+            stdout.print(f"{count} {told}", highlight=False)
     for name, shown in zip(motion.transforms, motion.shown.T, strict=True):
         if hidden := int((tracked & ~shown).sum()):
             stdout.print(f"{name} does not show in {hidden} of the frames tracked", highlight=False)
@@ -69,6 +81,13 @@ def print_motion(motion) -> None:  # type: ignore[no-untyped-def]
         stdout.print(f"lost at {motion.times[number]:.3f} s: {motion.lost[number]}")
     if (~tracked).sum() > 5:
         stdout.print(f"... and {int((~tracked).sum()) - 5} more, see quality.csv")
+
+
+_HOW = {
+    "found": "found by search",
+    "by hand": "tracked from poses set by hand",
+    "backward": "tracked again, backward from a later frame",
+}
 
 
 @click.command("demo")

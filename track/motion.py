@@ -35,7 +35,8 @@ class Motion:
     A frame whose ``lost`` text is not empty was not tracked, for that reason: its pose is NaN. Of a frame that was
     tracked ``thetas`` are whole, so that they pose a body; where a bone at either end of a joint does not show they are
     guesses, and the deviations say so (``track.shown.known_thetas`` leaves guesses out). Transforms and centres that
-    are not known are NaN.
+    are not known are NaN. ``how`` says of tracked frames how their pose was come by (``track.tracker.FOLLOWED`` and so
+    on); motions written before that was kept have none.
     """
 
     anatomy: str
@@ -50,6 +51,7 @@ class Motion:
     shown: Bools = field(repr=False)  # (T, B), bones in the order of the anatomy's and of ``transforms``
     transforms: dict[str, Floats] = field(repr=False)  # bone name -> (T, 4, 4), rest to pose
     centres: dict[str, Floats] = field(repr=False)  # joint name -> (T, 3) m
+    how: tuple[str, ...] = field(default=(), repr=False)  # (T,) empty where lost
 
     @property
     def tracked(self) -> np.ndarray:
@@ -88,6 +90,7 @@ def save_motion(motion: Motion, folder: Path) -> None:
         "anatomy": motion.anatomy,
         "coordinates": list(motion.coordinates),
         "lost": list(motion.lost),
+        "how": list(motion.how),
     }
     arrays: dict[str, np.ndarray] = {name: getattr(motion, name) for name in _ARRAYS}
     arrays |= {f"transforms/{name}": value for name, value in motion.transforms.items()}
@@ -125,6 +128,7 @@ def load_motion(folder: Path) -> Motion:
             anatomy=description["anatomy"],
             coordinates=tuple(description["coordinates"]),
             lost=tuple(description["lost"]),
+            how=tuple(description.get("how", ())),
             transforms=transforms,
             centres=_group(arrays, "centres/"),
             **{name: arrays[name] for name in _ARRAYS},

@@ -1,14 +1,15 @@
 """Track a whole recording: frame by frame, written as it goes, resumed after a kill.
 
 Each finished frame is a line of ``MOTION/frames.jsonl``. The same command reads it back, drops an incomplete
-last line, and goes on from there; the final files replace it at the end.
+last line, and goes on from there; the final files replace it at the end. After the last frame the gaps are gone into
+backward (``track.backward``); those lines tell the anchor that tracking went back from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,19 +20,26 @@ from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.subject import Subject
 from capture.errors import CloudError
+from capture.files import remove_left_over
 from capture.fuse import Region, fuse, region_of_interest
-from capture.journal import journal_key, resume_journal
+from capture.journal import Journal, journal_key, resume_journal
 from capture.recording import Instant, Recording, instants
 from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
+from track.backward import anchors, go_back
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.osim_motion import with_coupled
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
+from track.poses_by_hand import HandPose
 from track.shown import known_thetas
 from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
 
 JOURNAL = "frames.jsonl"
+_ANCHOR = "anchor"  # names the journal's lines of frames tracked backward
+
+Progress = Callable[[int, int], None]
+"""Told how many frames of how many are done."""
 
 
 def track_recording(
@@ -40,8 +48,9 @@ def track_recording(
     out: Path,
     *,
     region: Region | None = None,
+    poses: Sequence[HandPose] = (),
     world_from_thorax: Floats | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = lambda done, total: None,
 ) -> Motion:
     """Track a subject through a recording and write the motion folder ``out``.
 
@@ -50,34 +59,104 @@ def track_recording(
         subject: who moves.
         out: the folder to write; a run that was cut short there is continued.
         region: where the limb is, instead of the recording's or the automatic region.
+        poses: set by hand for single frames; tracking starts from each, onward and back into the gap before it.
         world_from_thorax: (4, 4), if ISB's thoraco-humeral angles are wanted.
-        progress: told how many frames of how many are done.
+        progress: told how many frames of how many are done; gaps that are gone into backward count on.
 
     Raises:
-        MotionError: the folder holds something else, or there is a thorax but no humerus.
+        MotionError: the folder holds something else, there is no frame of a pose's number, or a thorax but no humerus.
         RecordingError, CalibrationError: see ``fuse``.
     """
     if world_from_thorax is not None:
         refuse_without_humerus(subject.anatomy)  # told before the work, not after it
     moments = instants(recording)
+    by_hand = _by_frame(poses, len(moments))
     _make_folder(out)
     region = region or region_of_interest(recording)
     person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance)
-    journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum))
-    frames = [_frame(entry) for entry in journal.entries]
-    state = _state(journal.entries[-1]["state"]) if journal.entries else None
-    tracker = make_tracker(subject)
-    left = moments[len(frames) :]
-    with closing(one_ahead(partial(ready_target, recording, region), left)) as targets:
-        for moment, target in zip(left, targets, strict=True):
-            frame, state = _track_one(tracker, moment.time_s, target, state)
-            frames.append(frame)
-            journal.append({**asdict(frame), "state": None if state is None else asdict(state)})
-            progress(len(frames), len(moments))
+    hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
+    journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum, *hands))
+    work = _Work(make_tracker(subject), recording, region, moments, journal)
+    frames = work.forward(by_hand, progress)
+    frames = work.backward(frames, progress)
     motion = _motion(subject, frames)
     write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
     journal.remove()
     return motion
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What is tracked, and the journal in which finished frames stand."""
+
+    tracker: Tracker
+    recording: Recording
+    region: Region
+    moments: list[Instant]
+    journal: Journal
+
+    def forward(self, by_hand: Mapping[int, Floats], progress: Progress) -> list[TrackedFrame]:
+        """All frames in order of time."""
+        done = [entry for entry in self.journal.entries if _ANCHOR not in entry]
+        frames = [_frame(entry) for entry in done]
+        state = _state(done[-1]["state"]) if done else self.tracker.nothing_known()
+        left = self.moments[len(frames) :]
+        with closing(one_ahead(self._target, left)) as targets:
+            for moment, target in zip(left, targets, strict=True):
+                frame, state = self._track(moment.time_s, target, state, by_hand.get(len(frames)))
+                frames.append(frame)
+                self.journal.append({**asdict(frame), "state": asdict(state)})
+                progress(len(frames), len(self.moments))
+        return frames
+
+    def backward(self, frames: list[TrackedFrame], progress: Progress) -> list[TrackedFrame]:
+        """The frames with the gaps gone into from behind."""
+        done = {(e[_ANCHOR], e["index"]): e for e in self.journal.entries if _ANCHOR in e}
+        count = len(frames)
+
+        def step(anchor: int, k: int, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
+            nonlocal count
+            count += 1
+            if (anchor, k) not in done:
+                target = self._target(self.moments[k])
+                frame, state = self._track(-self.moments[k].time_s, target, state, searching=False)
+                entry = {_ANCHOR: anchor, "index": k, **asdict(frame), "state": asdict(state)}
+                self.journal.append(entry)
+                progress(count, count)
+                return frame, state
+            entry = done[anchor, k]
+            return _frame(entry), _state(entry["state"])
+
+        for anchor in anchors(frames):
+            frames = go_back(self.tracker, frames, anchor, partial(step, anchor))
+        return frames
+
+    def _target(self, moment: Instant) -> Target | CloudError:
+        return ready_target(self.recording, self.region, moment)
+
+    def _track(
+        self,
+        time_s: float,
+        target: Target | CloudError,
+        state: TrackerState,
+        given: Floats | None = None,
+        *,
+        searching: bool = True,
+    ) -> tuple[TrackedFrame, TrackerState]:
+        if isinstance(target, CloudError):
+            return self.tracker.missed(time_s, target.problem), state
+        if given is not None:
+            return self.tracker.given(target, time_s, given, state)
+        return self.tracker.follow(target, time_s, state, searching=searching)
+
+
+def _by_frame(poses: Sequence[HandPose], frames: int) -> dict[int, Floats]:
+    """Poses (n,) by frame."""
+    strange = [pose for pose in poses if not 0 <= pose.frame < frames]
+    if strange:
+        problem = f"pose {strange[0].name!r} is of frame {strange[0].frame}"
+        raise MotionError(problem, remedy=f"frames run from 0 to {frames - 1}")
+    return {pose.frame: pose.theta for pose in poses}
 
 
 def write_motion_folder(
@@ -106,14 +185,6 @@ def ready_target(recording: Recording, region: Region, moment: Instant) -> Targe
     return target
 
 
-def _track_one(
-    tracker: Tracker, time_s: float, target: Target | CloudError, state: TrackerState | None
-) -> tuple[TrackedFrame, TrackerState | None]:
-    if isinstance(target, CloudError):
-        return tracker.missed(time_s, target.problem), state
-    return tracker.first(target, time_s) if state is None else tracker.follow(target, time_s, state)
-
-
 def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
     thetas = np.array([frame.theta for frame in frames])
     shown = np.array([frame.shown for frame in frames])
@@ -127,6 +198,7 @@ def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
         thetas=thetas,
         deviations=deviations,
         lost=tuple(frame.lost for frame in frames),
+        how=tuple("" if frame.lost else frame.how for frame in frames),
         shown=shown,
         residuals=np.array([frame.residual_m for frame in frames]),
         coverage=np.array([frame.coverage for frame in frames]),
@@ -140,8 +212,7 @@ def _make_folder(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise MotionError("is a file, not a folder", where=out, remedy="give another name")
     out.mkdir(parents=True, exist_ok=True)
-    for left_over in out.glob(".*.partial-*"):  # of a run that was killed while it wrote
-        left_over.unlink()
+    remove_left_over(out)
     strange = [path.name for path in out.iterdir() if path.name not in _OWN]
     if strange:
         raise MotionError(f"holds {strange[0]}, which is not a motion's", where=out, remedy="give another folder")
@@ -160,11 +231,10 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
         coverage=entry["coverage"],
         matches=entry["matches"],
         lost=entry["lost"],
+        how=entry["how"],
     )
 
 
-def _state(entry: dict[str, Any] | None) -> TrackerState | None:
-    if entry is None:
-        return None
-    arrays = {name: np.array(entry[name], dtype=np.float64) for name in ("theta", "velocity", "known_s")}
+def _state(entry: dict[str, Any]) -> TrackerState:
+    arrays = {name: np.array(entry[name], dtype=np.float64) for name in ("theta", "velocity", "known_s", "look")}
     return TrackerState(**entry | arrays | {"shown": np.array(entry["shown"], dtype=bool)})

@@ -22,21 +22,25 @@ from adapt.fit.start import locate
 from adapt.fit.untold import towards_rest
 from adapt.subject import Subject
 from capture.errors import FitError
-from capture.rigid import exp_so3, log_so3
+from track.prediction import pose_difference, predict, unsure_where_unknown
+from track.search import look_of, looks_changed
 from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen, fits, shows
 from track.uncertainty import pose_covariance
 
 SAMPLED_VERTICES = 2000
-ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
-ACCELERATION_M_S2 = 20.0
-_FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower than this
-_MEMORY_S = 0.25  # a velocity older than this says nothing any more
 LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 LARGEST_RESIDUAL_M = 0.006
+FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
+_WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
+_PAST_S = 0.1  # what is found when the last pose is older than this is found anew
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 _BACK_S = 1.0  # time in which a joint that nothing tells of has gone most of the way back to rest
-_LONGEST_WAIT_S = 8.0  # between searches for bones out of sight
+_LONGEST_WAIT_S = 8.0  # between searches for bones out of sight, or for a limb in a cloud that stays as it was
+_BY_HAND_RAD, _BY_HAND_M = np.deg2rad(5.0), 0.015  # how sure a pose is that a person set
+
+FOLLOWED, FOUND, BY_HAND, BACKWARD = "followed", "found", "by hand", "backward"
+"""How a frame's pose was come by: from the frame before, by search, from a pose set by hand, from a later frame."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +58,16 @@ class TrackedFrame:
     coverage: float
     matches: int
     lost: str
+    how: str = FOLLOWED
 
 
 @dataclass(frozen=True)
 class TrackerState:
-    """What the next frame needs: the last tracked pose, its time, its velocity, and what is not known of it.
+    """What the next frame needs: the last tracked pose, its time (-inf: none), its velocity, what is not known of it.
 
     ``shown`` are the bones that showed then; ``known_s`` says when each coordinate was last known (-inf: never),
-    ``searched_s`` when the limb was last searched, ``wait_s`` how long to wait before bones that are out of sight are
-    searched again.
+    ``searched_s`` when the limb was last searched, ``wait_s`` how long to wait before what was not found is searched
+    again, ``look`` how the cloud looked when the whole limb was searched in vain (``track.search``).
     """
 
     time_s: float
@@ -72,6 +77,7 @@ class TrackerState:
     known_s: Floats  # (n,)
     searched_s: float = -np.inf
     wait_s: float = _FORGOTTEN_S
+    look: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
 
 
 @dataclass(frozen=True)
@@ -95,23 +101,56 @@ class Tracker:
             return _lost(self.subject.anatomy, time_s, reason), None
         never = np.full(len(fit.theta), -np.inf)
         frame, known_s = self._judge(fit, target, time_s, never, least=LEAST_BONES)
+        frame = self._doubted(frame)
         if frame.lost:
             return frame, None
         still = np.zeros_like(frame.theta)
-        return frame, TrackerState(time_s, frame.theta, still, frame.shown, known_s, searched_s=time_s)
+        found = TrackerState(time_s, frame.theta, still, frame.shown, known_s, searched_s=time_s)
+        return replace(frame, how=FOUND), found
 
-    def follow(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
+    def nothing_known(self) -> TrackerState:
+        """The state before the first frame."""
+        n, nowhere = len(self.subject.anatomy.coordinates), np.zeros(len(self.subject.anatomy.bones), dtype=bool)
+        return TrackerState(-np.inf, np.full(n, np.nan), np.zeros(n), nowhere, np.full(n, -np.inf))
+
+    def given(
+        self, target: Target, time_s: float, theta: Floats, state: TrackerState
+    ) -> tuple[TrackedFrame, TrackerState]:
+        """Track a frame from a pose (n,) that a person set for it; the past counts only if that does not fit."""
+        anatomy = self.subject.anatomy
+        deviation = np.array([_BY_HAND_RAD if c.unit == "rad" else _BY_HAND_M for c in anatomy.coordinates])
+        prior = GaussianPose(theta, np.diag(1.0 / deviation**2))
+        try:
+            fit = fit_pose(self.subject.body, target, theta, self.sample, prior=prior)
+        except FitError as error:
+            return _lost(anatomy, time_s, f"from the pose set by hand {error.problem}"), state
+        frame, known_s = self._judge(fit, target, time_s, np.full(len(theta), -np.inf), least=1)
+        if frame.lost:
+            return replace(frame, lost=f"from the pose set by hand {frame.lost}"), state
+        still = np.zeros_like(frame.theta)
+        return replace(frame, how=BY_HAND), TrackerState(time_s, frame.theta, still, frame.shown, known_s, time_s)
+
+    def follow(
+        self, target: Target, time_s: float, state: TrackerState, *, searching: bool = True
+    ) -> tuple[TrackedFrame, TrackerState]:
         """Track a frame from the last tracked one.
 
-        When the frame is lost the state is unchanged, but for the time of the last search: a pose long gone says
-        nothing of where the limb is now, so it is looked for anew, though not on every frame. So it is when bones have
-        been out of sight for long: what is found then stands if more bones show.
+        When the frame is lost the state is unchanged, but for what is said of the last search: a pose long gone says
+        nothing of where the limb is now, so it is looked for anew, though not on every frame, and ever more seldom
+        while the cloud stays as it was. So it is when bones have been out of sight for long: what is found then stands
+        if more bones show. Without ``searching`` neither is done.
         """
-        if time_s - max(state.time_s, state.searched_s) > _FORGOTTEN_S:
-            frame, found = self.first(target, time_s)
-            return frame, found or replace(state, searched_s=time_s)
+        lost_for_s = time_s - max(state.time_s, state.searched_s)
+        if searching and lost_for_s > _FORGOTTEN_S:
+            look = look_of(target.cloud)
+            if lost_for_s > state.wait_s or looks_changed(look, state.look):
+                frame, found = self.first(target, time_s)
+                wait_s = min(2.0 * state.wait_s, _LONGEST_WAIT_S)
+                return frame, found or replace(state, searched_s=time_s, wait_s=wait_s, look=look)
+        if not np.isfinite(state.time_s):
+            return self.missed(time_s, "not found yet"), state
         frame, after = self._continue(target, time_s, state)
-        if frame.lost or not _search_is_due(after):
+        if frame.lost or not searching or not _search_is_due(after):
             return frame, after
         anew, found = self.first(target, time_s)
         if found is not None and anew.shown.sum() > frame.shown.sum():
@@ -128,12 +167,28 @@ class Tracker:
         except FitError as error:
             return _lost(anatomy, time_s, error.problem), state
         frame, known_s = self._judge(fit, target, time_s, state.known_s, least=1)
+        if time_s - state.time_s > _PAST_S:
+            frame = self._doubted(frame)
         if frame.lost:
             return frame, state
         velocity = pose_difference(anatomy, frame.theta, state.theta) / (time_s - state.time_s)
         velocity[~(coordinates_seen(anatomy, frame.shown) & coordinates_seen(anatomy, state.shown))] = 0.0
         after = TrackerState(time_s, frame.theta, velocity, frame.shown, known_s)
         return frame, after if frame.shown.all() else replace(after, searched_s=state.searched_s, wait_s=state.wait_s)
+
+    def _doubted(self, frame: TrackedFrame) -> TrackedFrame:
+        """A frame found anew, lost unless its skin fits about as well as it did when it was adapted.
+
+        A forearm alone fits many places: where the root bone does not show, it must fit well.
+        """
+        anatomy = self.subject.anatomy
+        root = next(k for k, bone in enumerate(anatomy.bones) if bone.name == anatomy.joints[0].child)
+        adapted = [pose["median_distance_mm"] / 1e3 for pose in self.subject.report.get("poses", ())]
+        usual = max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else np.inf
+        if frame.lost or frame.residual_m <= (usual if frame.shown[root] else FRESH_RESIDUAL_M):
+            return frame
+        reason = f"skin and cloud are {1e3 * frame.residual_m:.1f} mm apart, too far for a pose found anew"
+        return _lost(anatomy, frame.time_s, reason)
 
     def missed(self, time_s: float, reason: str) -> TrackedFrame:
         """A frame that cannot even be looked at."""
@@ -174,57 +229,6 @@ def _search_is_due(state: TrackerState) -> bool:
 def make_tracker(subject: Subject) -> Tracker:
     """Prepare a subject for tracking."""
     return Tracker(subject, sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES))
-
-
-def predict(anatomy: Anatomy, state: TrackerState, time_s: float) -> GaussianPose:
-    """The motion prior: constant velocity, with an uncertainty that grows by acceleration times dt^2 / 2."""
-    dt = time_s - state.time_s
-    memory = float(np.exp(-max(0.0, dt - 0.05) / _MEMORY_S))
-    mean = advance(anatomy, state.theta, state.velocity * dt * memory)
-    return GaussianPose(mean, np.diag(1.0 / _spread(anatomy, np.array(dt)) ** 2))
-
-
-def _spread(anatomy: Anatomy, dt: Floats) -> Floats:
-    """Standard deviation (n,) in rad or m of coordinates not seen for ``dt`` () or (n,) seconds."""
-    rotational = np.array([coordinate.unit == "rad" for coordinate in anatomy.coordinates])
-    spread = np.where(rotational, ACCELERATION_RAD_S2, ACCELERATION_M_S2) * dt**2 / 2.0
-    return np.asarray(spread + np.where(rotational, _FLOOR_RAD, _FLOOR_M))
-
-
-def unsure_where_unknown(anatomy: Anatomy, covariance: Floats, unknown_s: Floats) -> Floats:
-    """The covariance (n, n) of a pose whose coordinates have not been known for so long (n,) s; 0 where they are.
-
-    What is not known spreads as in ``predict``, up to the standard deviation of any place of its range being as likely.
-    """
-    anywhere = np.array([(c.high - c.low) / np.sqrt(12.0) for c in anatomy.coordinates])
-    guess = np.minimum(_spread(anatomy, unknown_s), anywhere)
-    unknown = unknown_s > 0.0
-    told = covariance * ~(unknown[:, None] | unknown)
-    return np.asarray(told + np.diag(np.where(unknown, guess, 0.0) ** 2))
-
-
-def pose_difference(anatomy: Anatomy, theta: Floats, earlier: Floats) -> Floats:
-    """theta - earlier (n,), with a free joint's turn as the rotation vector that leads from one to the other."""
-    difference = theta - earlier
-    for index in _free_rotations(anatomy):
-        difference[index] = log_so3(exp_so3(theta[index]) @ exp_so3(earlier[index]).T)
-    return difference
-
-
-def advance(anatomy: Anatomy, theta: Floats, step: Floats) -> Floats:
-    """The pose reached from ``theta`` by a ``pose_difference``; rotation vectors stay no longer than pi."""
-    moved = theta + step
-    for index in _free_rotations(anatomy):
-        moved[index] = log_so3(exp_so3(step[index]) @ exp_so3(theta[index]))
-    return moved
-
-
-def _free_rotations(anatomy: Anatomy) -> list[list[int]]:
-    return [
-        [anatomy.coordinate_index(name) for name in joint.coordinates[:3]]
-        for joint in anatomy.joints
-        if joint.type == "free"
-    ]
 
 
 def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:

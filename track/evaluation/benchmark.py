@@ -51,8 +51,9 @@ from capture.recording import Instant, Recording, instants, open_recording, read
 from capture.rigid import apply, exp_so3, inverse, log_so3
 from track.ahead import one_ahead
 from track.evaluation.errors import read_truth, world_from_common
+from track.prediction import predict
 from track.run import ready_target
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker, predict
+from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
 from track.uncertainty import pose_covariance
 
 FRAME_TARGET_S = 0.033

@@ -16,19 +16,21 @@ from track.shown import coordinates_known
 def write_quality(path: Path, motion: Motion, anatomy: Anatomy) -> None:
     """Write time, state, fit quality, one standard deviation per coordinate (deg or mm), hidden bones as CSV.
 
-    Deviations are nan where a coordinate is not known; of a tracked frame bones that do not show are named.
+    Deviations are nan where a coordinate is not known; of a tracked frame bones that do not show are named, and how its
+    pose was come by (from the frame before, by search, from a pose set by hand, backward from a later frame).
     """
     rotational = np.array([coordinate.unit == "rad" for coordinate in anatomy.coordinates])
     deviations = motion.deviations * np.where(rotational, 180.0 / np.pi, 1e3)
     deviations[~coordinates_known(anatomy, motion.shown)] = np.nan
+    how = motion.how or ("",) * len(motion.times)
     units = ["deg" if turn else "mm" for turn in rotational]
     header = ["time_s", "tracked", "residual_mm", "coverage", "matches"]
     header += [f"sd_{name}_{unit}" for name, unit in zip(motion.coordinates, units, strict=True)]
     with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*header, "hidden", "lost_because"])
+        writer.writerow([*header, "hidden", "lost_because", "how"])
         for t, time in enumerate(motion.times):
             quality = [f"{1e3 * motion.residuals[t]:.3f}", f"{motion.coverage[t]:.3f}", int(motion.matches[t])]
             spread = [f"{value:.4f}" for value in deviations[t]]
             hidden = "" if motion.lost[t] else " ".join(motion.hidden(t))
-            writer.writerow([f"{time:.6f}", int(not motion.lost[t]), *quality, *spread, hidden, motion.lost[t]])
+            writer.writerow([f"{time:.6f}", int(not motion.lost[t]), *quality, *spread, hidden, motion.lost[t], how[t]])

@@ -1,0 +1,83 @@
+"""The motion prior: where a limb is expected, and how sure that is, from what was last known of it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.pose import GaussianPose
+from capture.rigid import exp_so3, log_so3
+
+ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
+ACCELERATION_M_S2 = 20.0
+_FLOOR_RAD, _FLOOR_M = np.deg2rad(0.5), 0.002  # the prior is never narrower than this
+_MEMORY_S = 0.25  # a velocity older than this says nothing any more
+
+
+class Moving(Protocol):
+    """A pose that changes."""
+
+    @property
+    def time_s(self) -> float:
+        """When the limb was in the pose."""
+
+    @property
+    def theta(self) -> Floats:
+        """The pose (n,) in rad and m."""
+
+    @property
+    def velocity(self) -> Floats:
+        """Its change (n,) in rad/s and m/s."""
+
+
+def predict(anatomy: Anatomy, state: Moving, time_s: float) -> GaussianPose:
+    """The motion prior: constant velocity, with an uncertainty that grows by acceleration times dt^2 / 2."""
+    dt = time_s - state.time_s
+    memory = float(np.exp(-max(0.0, dt - 0.05) / _MEMORY_S))
+    mean = advance(anatomy, state.theta, state.velocity * dt * memory)
+    return GaussianPose(mean, np.diag(1.0 / _spread(anatomy, np.array(dt)) ** 2))
+
+
+def _spread(anatomy: Anatomy, dt: Floats) -> Floats:
+    """Standard deviation (n,) in rad or m of coordinates not seen for ``dt`` () or (n,) seconds."""
+    rotational = np.array([coordinate.unit == "rad" for coordinate in anatomy.coordinates])
+    spread = np.where(rotational, ACCELERATION_RAD_S2, ACCELERATION_M_S2) * dt**2 / 2.0
+    return np.asarray(spread + np.where(rotational, _FLOOR_RAD, _FLOOR_M))
+
+
+def unsure_where_unknown(anatomy: Anatomy, covariance: Floats, unknown_s: Floats) -> Floats:
+    """The covariance (n, n) of a pose whose coordinates have not been known for so long (n,) s; 0 where they are.
+
+    What is not known spreads as in ``predict``, up to the standard deviation of any place of its range being as likely.
+    """
+    anywhere = np.array([(c.high - c.low) / np.sqrt(12.0) for c in anatomy.coordinates])
+    guess = np.minimum(_spread(anatomy, unknown_s), anywhere)
+    unknown = unknown_s > 0.0
+    told = covariance * ~(unknown[:, None] | unknown)
+    return np.asarray(told + np.diag(np.where(unknown, guess, 0.0) ** 2))
+
+
+def pose_difference(anatomy: Anatomy, theta: Floats, earlier: Floats) -> Floats:
+    """theta - earlier (n,), with a free joint's turn as the rotation vector that leads from one to the other."""
+    difference = theta - earlier
+    for index in _free_rotations(anatomy):
+        difference[index] = log_so3(exp_so3(theta[index]) @ exp_so3(earlier[index]).T)
+    return difference
+
+
+def advance(anatomy: Anatomy, theta: Floats, step: Floats) -> Floats:
+    """The pose reached from ``theta`` by a ``pose_difference``; rotation vectors stay no longer than pi."""
+    moved = theta + step
+    for index in _free_rotations(anatomy):
+        moved[index] = log_so3(exp_so3(step[index]) @ exp_so3(theta[index]))
+    return moved
+
+
+def _free_rotations(anatomy: Anatomy) -> list[list[int]]:
+    return [
+        [anatomy.coordinate_index(name) for name in joint.coordinates[:3]]
+        for joint in anatomy.joints
+        if joint.type == "free"
+    ]
