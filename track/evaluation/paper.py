@@ -15,7 +15,7 @@ import click
 
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.evaluation.experiments import bend_and_twist, forearm, handles, poses, sensitivity, skin, starts
+from track.evaluation.experiments import bend_and_twist, faults, forearm, handles, poses, sensitivity, skin, starts
 from track.evaluation.experiments.experiment import Experiment, Result
 
 EXPERIMENTS: tuple[Experiment, ...] = (
@@ -26,6 +26,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     starts.EXPERIMENT,
     handles.EXPERIMENT,
     sensitivity.EXPERIMENT,
+    faults.EXPERIMENT,
 )
 
 
