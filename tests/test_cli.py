@@ -26,6 +26,7 @@ from track.demo import samples
 from track.evaluation.errors import read_truth, world_from_common
 from track.evaluation.known import carried
 from track.motion import load_motion
+from track.poses_by_hand import HandPose, write_poses
 
 FRAMES = 8
 
@@ -395,3 +396,15 @@ def test_every_sample_recording_is_of_a_known_anatomy():
     for anatomy, path in samples().items():
         assert load_anatomy(anatomy).name == anatomy
         assert read_truth(open_recording(path)).body.anatomy.name == anatomy
+
+
+def test_tracking_starts_from_a_pose_set_by_hand(chain, tmp_path):
+    folder, _ = chain
+    anatomy, theta = load_subject(folder / "subject.npz").anatomy, load_motion(folder / "motion").thetas[3]
+    write_poses(tmp_path / "poses.json", anatomy, [HandPose("here", 3, theta)])
+    command = ("track", folder / "rec", "--subject", folder / "subject.npz", "--out", tmp_path / "motion", "--poses")
+    ran = bonetrack(*command, tmp_path / "poses.json")
+    assert ran.code == 0, ran
+    assert "1 tracked from poses set by hand" in ran.out
+    assert load_motion(tmp_path / "motion").how[3] == "by hand"
+    fails(*command, tmp_path / "none.json", saying="cannot be read")

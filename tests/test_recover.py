@@ -223,7 +223,7 @@ FITS = [  # of the skin when adapted and now (mm), whether the root bone shows, 
 @pytest.mark.parametrize(("adapted_mm", "now_mm", "root_shows", "lost"), FITS)
 @pytest.mark.parametrize("gap_s", [None, 0.2])
 def test_a_limb_found_anew_must_fit_about_as_well_as_when_it_was_adapted(
-    limb, tracker, monkeypatch, adapted_mm, now_mm, root_shows, lost, gap_s
+    limb, monkeypatch, adapted_mm, now_mm, root_shows, lost, gap_s
 ):
     judge = Tracker._judge
 
@@ -234,7 +234,7 @@ def test_a_limb_found_anew_must_fit_about_as_well_as_when_it_was_adapted(
         return replace(frame, residual_m=now_mm / 1e3, shown=shown), known_s
 
     monkeypatch.setattr(Tracker, "_judge", judged)
-    adapted = replace(tracker, subject=replace(limb.subject, report={"poses": [{"median_distance_mm": adapted_mm}]}))
+    adapted = make_tracker(replace(limb.subject, report={"poses": [{"median_distance_mm": adapted_mm}]}))
     if gap_s is None:
         frame, _ = adapted.first(limb.targets[0], 0.0)
     else:

@@ -73,10 +73,11 @@ def track_recording(
     by_hand = _by_frame(poses, len(moments))
     _make_folder(out)
     region = region or region_of_interest(recording)
-    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance)
+    tracker = make_tracker(subject)
+    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))
     hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
     journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum, *hands))
-    work = _Work(make_tracker(subject), recording, region, moments, journal)
+    work = _Work(tracker, recording, region, moments, journal)
     frames = work.forward(by_hand, progress)
     frames = work.backward(frames, progress)
     motion = _motion(subject, frames)

@@ -33,7 +33,7 @@ MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes o
 LARGEST_RESIDUAL_M = 0.006
 FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
-_PAST_S = 0.1  # what is found when the last pose is older than this is found anew
+_PAST_S = 0.15  # what is found when the last pose is older than this is found anew
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 _BACK_S = 1.0  # time in which a joint that nothing tells of has gone most of the way back to rest
 _LONGEST_WAIT_S = 8.0  # between searches for bones out of sight, or for a limb in a cloud that stays as it was
@@ -82,10 +82,11 @@ class TrackerState:
 
 @dataclass(frozen=True)
 class Tracker:
-    """A subject prepared for tracking."""
+    """A subject prepared for tracking; ``usual_m`` is how far (m) a pose found anew may be from the cloud."""
 
     subject: Subject
     sample: SkinSample = field(repr=False)
+    usual_m: float
 
     def first(self, target: Target, time_s: float) -> tuple[TrackedFrame, TrackerState | None]:
         """Track a frame without a past: from the subject's example poses, else from many starts."""
@@ -183,9 +184,7 @@ class Tracker:
         """
         anatomy = self.subject.anatomy
         root = next(k for k, bone in enumerate(anatomy.bones) if bone.name == anatomy.joints[0].child)
-        adapted = [pose["median_distance_mm"] / 1e3 for pose in self.subject.report.get("poses", ())]
-        usual = max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else np.inf
-        if frame.lost or frame.residual_m <= (usual if frame.shown[root] else FRESH_RESIDUAL_M):
+        if frame.lost or frame.residual_m <= (self.usual_m if frame.shown[root] else FRESH_RESIDUAL_M):
             return frame
         reason = f"skin and cloud are {1e3 * frame.residual_m:.1f} mm apart, too far for a pose found anew"
         return _lost(anatomy, frame.time_s, reason)
@@ -228,7 +227,9 @@ def _search_is_due(state: TrackerState) -> bool:
 
 def make_tracker(subject: Subject) -> Tracker:
     """Prepare a subject for tracking."""
-    return Tracker(subject, sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES))
+    adapted = [pose["median_distance_mm"] / 1e3 for pose in subject.report.get("poses", ())]
+    usual_m = max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else LARGEST_RESIDUAL_M
+    return Tracker(subject, sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES), usual_m)
 
 
 def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:

@@ -110,7 +110,8 @@ def _swapped(scene: Scene, folder: Path) -> Recording:
     shutil.copytree(scene.known.recording.path, copy)
     listed = copy / scene.known.recording.sensors[0].name / "frames.csv"
     lines = listed.read_text(encoding="utf-8").split("\n")
-    lines[20], lines[21] = lines[21], lines[20]
+    middle = len(lines) // 2
+    lines[middle], lines[middle + 1] = lines[middle + 1], lines[middle]
     listed.write_text("\n".join(lines), encoding="utf-8")
     return open_recording(copy)
 
