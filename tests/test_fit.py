@@ -259,6 +259,16 @@ def test_levenberg_marquardt_never_raises_the_energy(steps):
         assert more <= fewer <= rosenbrock(start).energy
 
 
+def test_levenberg_marquardt_is_not_held_up_by_a_parameter_that_hardly_shows():
+    def evaluate(x):
+        # Where x[1] = 0 the first two residuals ask for a step of -10,000 in it, which the third then refuses.
+        r = np.array([10.0 * (x[0] - 1.0), 1e-4 * x[1] + 1.0, 300.0 * x[1] ** 2])
+        jacobian = np.array([[10.0, 0.0], [0.0, 1e-4], [0.0, 600.0 * x[1]]])
+        return Quadratic(0.5 * float(r @ r), jacobian.T @ r, jacobian.T @ jacobian)
+
+    assert levenberg_marquardt(evaluate, np.zeros(2), steps=3)[0] == pytest.approx(1.0, abs=0.01)
+
+
 def test_levenberg_marquardt_moves_on_though_its_first_steps_are_refused():
     start = np.array([-1.2, 1.0])
     for steps in (1, 3):

@@ -16,6 +16,7 @@ PLANE_WEIGHT = 100.0  # but sliding along the skin creeps: from near by the poin
 CERTAINTY_PLANE_WEIGHT = 1e4  # nearest points follow the skin when it slides: they hardly tell where along it a pose is
 SIGMA_M = 0.002  # what one independent patch of surface disagrees by where the skin is known
 _MOST_REFUSED = 8
+_LEAST_CURVATURE = 1.0  # of what is damped: as of a parameter known to 1 rad or 1 m
 PATCH_M2 = 0.03**2  # errors of neighbouring points are alike: this much skin counts as one observation
 
 
@@ -86,13 +87,14 @@ def levenberg_marquardt(
 ) -> Floats:
     """Minimise a sum of squares from ``start`` (n,) in at most ``steps`` steps that lower it.
 
-    A refused step only raises the damping. Stops early when a step lowers the energy by less than the fraction
-    ``tolerance``, or when no damping helps any more. Where the ``energy`` alone is cheaper than ``evaluate``, it
-    judges the steps, and derivatives are worked out only where a step starts.
+    A refused step only raises the damping. What the data hardly tell is damped as if they told a little: its step, far
+    too long, would be refused until nothing else moved either. Stops early when a step lowers the energy by less than
+    the fraction ``tolerance``, or when no damping helps any more. Where the ``energy`` alone is cheaper than
+    ``evaluate``, it judges the steps, and derivatives are worked out only where a step starts.
     """
     x, here, damping, taken, refused = start, evaluate(start), 1e-4, 0, 0
     while taken < steps and refused < _MOST_REFUSED:
-        diagonal = np.maximum(np.diag(here.hessian), 1e-9)
+        diagonal = np.maximum(np.diag(here.hessian), _LEAST_CURVATURE)
         candidate = x - np.linalg.solve(here.hessian + damping * np.diag(diagonal), here.gradient)
         there = evaluate(candidate) if energy is None else energy(candidate)
         gain = here.energy - (there.energy if isinstance(there, Quadratic) else there)
