@@ -14,7 +14,7 @@ from adapt.fit.correspondences import Target
 from adapt.model.body import Body, joint_centres
 from capture.calibrate import calibrate_recording, write_calibration
 from capture.fuse import Region, fuse, region_of_interest
-from capture.recording import Recording, instants, open_recording
+from capture.recording import Calibration, Recording, instants, open_recording
 from capture.rigid import exp_so3, inverse, log_so3
 from capture.sensor import NoiseModel, carmine
 from capture.simulate import SensorRig
@@ -52,17 +52,18 @@ def record_known(
     noise: NoiseModel | None = CARMINE,
     rig: SensorRig | None = None,
     things: Sequence[Thing] = (),
+    calibration: Calibration | None = None,
     seed: int = 0,
 ) -> KnownRecording:
     """Simulate a performance with ``things`` besides, calibrate by the box, and carry the truth into the common frame.
 
-    A recording that stands there already is used as it is.
+    A recording that stands there already is used as it is. A ``calibration`` is taken instead of the box's.
     """
     if not (out / "truth.npz").is_file():
         simulate_performance(performance, out, noise=noise, rig=rig, seed=seed, things=things, overwrite=True)
     recording = open_recording(out)
     if recording.calibration is None:
-        write_calibration(recording, calibrate_recording(recording))
+        write_calibration(recording, calibration or calibrate_recording(recording))
         recording = open_recording(out)
     truth = read_truth(recording)
     common_from_world = inverse(world_from_common(recording, truth))
