@@ -113,7 +113,7 @@ def chain(arm, tmp_path_factory):
     step("adapt", recording, "--anatomy", ANATOMY, "--out", subject, *chosen)
     step("track", recording, "--subject", subject, "--out", motion, "--anatomy", ANATOMY)
     step("evaluate", motion, "--truth", recording, "--subject", subject, "--out", folder / "errors.json")
-    step("export", motion, "--subject", subject, "--frame", 1, "--out", folder / "exported")
+    step("export", motion, "--subject", subject, "--frame", 1, "--gltf", "--out", folder / "exported")
     return folder, said
 
 
@@ -125,6 +125,7 @@ def test_the_whole_chain_runs_and_says_what_it_did(chain):
     assert "subject written to" in said["adapt"].out
     assert f"{FRAMES} of {FRAMES} frames tracked" in said["track"].out
     assert "errors against the truth" in said["evaluate"].out
+    assert "motion.glb: its skin is off the model's by" in said["export"].out
     assert all(not ran.err for ran in said.values())
     assert not list(folder.rglob("*partial*"))
 
@@ -139,7 +140,7 @@ def test_what_the_chain_wrote_is_right(chain):
     assert errors["errors"]["skin"]["mean"] < 10.0
     assert errors["errors"]["angle elbow_flexion"]["mean"] < 10.0
     exported = {path.name for path in (folder / "exported").iterdir()}
-    assert {"angles.mot", "angles.csv", "centres.trc", "coordinates.sto", "skin_00001.ply"} <= exported
+    assert {"angles.mot", "angles.csv", "centres.trc", "coordinates.sto", "skin_00001.ply", "motion.glb"} <= exported
 
 
 def test_a_subject_is_exported_too(chain, tmp_path):
@@ -363,6 +364,7 @@ def test_wrong_numbers_in_options_end_with_code_2(recording, subject, tmp_path):
     motion = tmp_path / "motion"
     motion.mkdir()
     assert bonetrack("export", motion, *out).code == 2
+    assert bonetrack("export", subject, "--gltf", *out).code == 2
     assert not (tmp_path / "out").exists()
 
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from capture.console import stdout
+
+if TYPE_CHECKING:
+    from adapt.subject import Subject
+    from track.motion import Motion
 
 _PATH = click.Path(path_type=Path)
 
@@ -15,9 +20,13 @@ _PATH = click.Path(path_type=Path)
 @click.argument("source", type=_PATH)
 @click.option("--subject", type=_PATH, help="The subject of a motion.")
 @click.option("--frame", type=int, help="Also write skin and bones of this frame of a motion.")
+@click.option(
+    "--gltf", is_flag=True, help="Also write a motion as an animated skeleton with skin and bones, motion.glb."
+)
+@click.option("--parquet", is_flag=True, help="Also write a motion's tables as Parquet.")
 @click.option("--out", required=True, type=_PATH, help="The folder to write.")
-def export_command(source: Path, subject: Path | None, frame: int | None, out: Path) -> None:
-    """Write a subject or a motion (SOURCE) in formats that other tools read: PLY, .osim, .mot, .sto, .trc, CSV."""
+def export_command(source: Path, subject: Path | None, frame: int | None, gltf: bool, parquet: bool, out: Path) -> None:
+    """Write a subject or a motion (SOURCE) for other tools: PLY, .osim, .mot, .sto, .trc, CSV, Parquet, glTF."""
     from adapt.subject import load_subject
     from track.export.files import export_motion, export_subject
     from track.motion import load_motion
@@ -26,10 +35,35 @@ def export_command(source: Path, subject: Path | None, frame: int | None, out: P
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
         motion = load_motion(source)
-        written = export_motion(motion, load_subject(subject), out, frame=frame)
+        whose = load_subject(subject)
+        written = export_motion(motion, whose, out, frame=frame, parquet=parquet)
         if frame is not None and motion.hidden(frame):
             stdout.print(f"left out, for they do not show in frame {frame}: {', '.join(motion.hidden(frame))}")
+        if gltf:
+            written.append(_gltf(motion, whose, out / "motion.glb"))
+    elif gltf or parquet:
+        raise click.UsageError("--gltf and --parquet go with a motion: name its folder and --subject")
     else:
         written = export_subject(load_subject(source), out)
     for path in written:
         stdout.print(str(path), highlight=False)
+
+
+def _gltf(motion: Motion, subject: Subject, path: Path) -> Path:
+    """Write the motion, and say what the file does not say exactly."""
+    from track.export.gltf import write_gltf
+
+    report = write_gltf(motion, subject, path)
+    off = report.skin
+    stdout.print(
+        f"{path.name}: its skin is off the model's by {1e3 * off.mean_m:.2f} mm in the mean, at most "
+        f"{1e3 * off.largest_m:.1f} mm (frame {report.worst_frame}), because it is blended linearly"
+    )
+    if report.lost_frames:
+        stdout.print(f"{path.name}: {report.lost_frames} lost frame(s) have no keys; viewers pass over them evenly")
+    if report.frames_with_hidden_bones:
+        stdout.print(
+            f"{path.name}: bones vanish where they do not show ({report.frames_with_hidden_bones} frame(s)); "
+            "their skin stays, on guessed poses"
+        )
+    return path

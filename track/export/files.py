@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
-
-import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.body import Body, pose_skin, posed_bones
@@ -17,6 +14,7 @@ from track.angles import reported_coordinates
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.osim import write_osim
 from track.export.osim_motion import with_coupled, write_states
+from track.export.tables import motion_tables, write_csv, write_parquet
 from track.motion import Motion, MotionError
 from track.shown import known_thetas, skin_shown
 
@@ -30,13 +28,17 @@ def export_subject(subject: Subject, out: Path) -> list[Path]:
     return written + write_osim(subject.body, out)
 
 
-def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | None = None) -> list[Path]:
-    """Write joint angles (``.mot``, ``.sto``, CSV), centres (``.trc``), and with ``frame`` that frame's skin and bones.
+def export_motion(
+    motion: Motion, subject: Subject, out: Path, *, frame: int | None = None, parquet: bool = False
+) -> list[Path]:
+    """Write joint angles (``.mot``, ``.sto``), centres (``.trc``), tables (CSV), and one ``frame``'s skin and bones.
+
+    With ``parquet`` the tables (``track.export.tables``) are written in that format, too.
 
     Bones that do not show in the frame are left out, with the skin that rides on them.
 
     Raises:
-        MotionError: the frame does not exist or was lost, or the subject is of another anatomy.
+        MotionError: the frame does not exist or was lost, the subject is of another anatomy, or pyarrow is missing.
     """
     if motion.anatomy != subject.anatomy.name:
         raise MotionError(
@@ -50,12 +52,11 @@ def export_motion(motion: Motion, subject: Subject, out: Path, *, frame: int | N
     write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
     write_states(out / "coordinates.sto", motion.times, subject.anatomy, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
-    written = [
-        out / "angles.mot",
-        out / "coordinates.sto",
-        out / "centres.trc",
-        _csv(out / "angles.csv", motion.times, columns),
-    ]
+    written = [out / "angles.mot", out / "coordinates.sto", out / "centres.trc"]
+    for name, table in motion_tables(motion, subject.anatomy).items():
+        written.append(write_csv(out / f"{name}.csv", table))
+        if parquet:
+            written.append(write_parquet(out / f"{name}.parquet", table))
     if frame is not None:
         written += _posed(motion, subject.body, out, frame)
     return written
@@ -77,15 +78,6 @@ def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
         if bone.name not in hidden:
             written.append(_ply(out / f"{bone.name}_{frame:05d}.ply", bones[bone.name], bone.faces))
     return written
-
-
-def _csv(path: Path, times: Floats, columns: dict[str, Floats]) -> Path:
-    with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time_s", *columns])
-        for row in np.column_stack([times, *columns.values()]):
-            writer.writerow([f"{value:.8f}" for value in row])
-    return path
 
 
 def _ply(path: Path, vertices: Floats, faces: Ints) -> Path:

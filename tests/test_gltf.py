@@ -1,0 +1,171 @@
+"""Exported glTF files: other programs read them, and a reader of its own finds the skin and bones where ours are."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import track.export.linear_skin
+from adapt.model.body import make_body, pose_skin, posed_bones, rest_theta
+from tests.known_limb import bent
+from tests.known_motion import HIDDEN, LOST, known_motion
+from tests.toy_anatomy import toy_anatomy
+from tests.toy_leg import toy_leg
+from track.export.gltf import write_gltf
+from track.export.linear_skin import STEPS, linear_skin, skin_gap
+from track.motion import MotionError
+
+DTYPES = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
+SIZES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+class ReadBack:
+    """A glTF file as pygltflib reads it, and posed as the specification says."""
+
+    def __init__(self, path):
+        pygltflib = pytest.importorskip("pygltflib", reason="reads glTF files in tests")
+        self.gltf = pygltflib.GLTF2().load(str(path))
+        self.parent = {child: k for k, node in enumerate(self.gltf.nodes) for child in node.children or []}
+
+    def array(self, index):
+        accessor = self.gltf.accessors[index]
+        start = self.gltf.bufferViews[accessor.bufferView].byteOffset
+        size = SIZES[accessor.type]
+        blob = self.gltf.binary_blob()
+        return np.frombuffer(blob, DTYPES[accessor.componentType], accessor.count * size, start).reshape(-1, size)
+
+    def node(self, name):
+        return next(k for k, node in enumerate(self.gltf.nodes) if node.name == name)
+
+    def channels(self, path):
+        """Times and values by node for what is animated."""
+        animation = self.gltf.animations[0]
+        samplers = {c.target.node: animation.samplers[c.sampler] for c in animation.channels if c.target.path == path}
+        return {
+            node: (self.array(sampler.input)[:, 0], self.array(sampler.output)) for node, sampler in samplers.items()
+        }
+
+    def worlds(self, key):
+        """The transform of every node at a key."""
+        turns, shifts = self.channels("rotation"), self.channels("translation")
+
+        def world(k):
+            local = np.eye(4)
+            if k in turns:
+                local[:3, :3] = Rotation.from_quat(turns[k][1][key]).as_matrix()
+                local[:3, 3] = shifts[k][1][key]
+            return world(self.parent[k]) @ local if k in self.parent else local
+
+        return [world(k) for k in range(len(self.gltf.nodes))]
+
+    def skin(self, key):
+        node = self.gltf.nodes[self.node("skin")]
+        attributes = self.gltf.meshes[node.mesh].primitives[0].attributes
+        rest, joints = self.array(attributes.POSITION), self.array(attributes.JOINTS_0)
+        weights = self.array(attributes.WEIGHTS_0)
+        skin = self.gltf.skins[node.skin]
+        back = self.array(skin.inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
+        moves = np.array([self.worlds(key)[joint] for joint in skin.joints]) @ back
+        points = np.column_stack([rest, np.ones(len(rest))])
+        return np.einsum("vk,vkij,vj->vi", weights, moves[joints], points)[:, :3]
+
+    def bone(self, name, key):
+        node = self.node(f"{name}_surface")
+        primitive = self.gltf.meshes[self.gltf.nodes[node].mesh].primitives[0]
+        world = self.worlds(key)[node]
+        return self.array(primitive.attributes.POSITION) @ world[:3, :3].T + world[:3, 3]
+
+
+@pytest.fixture(scope="module")
+def motion(limb):
+    return known_motion(limb)
+
+
+@pytest.fixture(scope="module")
+def written(limb, motion, tmp_path_factory):
+    path = tmp_path_factory.mktemp("gltf") / "motion.glb"
+    return path, write_gltf(motion, limb.subject, path)
+
+
+def test_a_reader_finds_skin_and_bones_where_ours_are(written, limb, motion):
+    read = ReadBack(written[0])
+    key, frame = 7, 9  # two frames before it were lost and have no keys
+    theta = motion.thetas[frame]
+    off = np.linalg.norm(read.skin(key) - pose_skin(limb.subject.body, theta), axis=1)
+    assert off.max() < written[1].skin.largest_m + 1e-5 < 1e-3
+    for name, surface in posed_bones(limb.subject.body, theta).items():
+        np.testing.assert_allclose(read.bone(name, key), surface, atol=1e-5)
+
+
+def test_vertices_hang_on_four_joints_at_most_and_wholly(written):
+    read = ReadBack(written[0])
+    attributes = read.gltf.meshes[0].primitives[0].attributes
+    weights, joints = read.array(attributes.WEIGHTS_0), read.array(attributes.JOINTS_0)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-6)
+    assert (weights >= 0.0).all()
+    assert joints.max() < len(read.gltf.skins[0].joints) == 4 + STEPS - 1
+    assert (joints[weights == 0.0] == 0).all()
+
+
+def test_lost_frames_have_no_keys_and_bones_vanish_where_they_do_not_show(written, motion):
+    path, report = written
+    read = ReadBack(path)
+    kept = np.delete(motion.times, LOST)
+    for times, _ in read.channels("rotation").values():
+        np.testing.assert_allclose(times, kept - motion.times[0], atol=1e-6)
+    scales = {read.gltf.nodes[k].name: values[1][:, 0] for k, values in read.channels("scale").items()}
+    assert np.flatnonzero(scales["hand_surface"] == 0.0).tolist() == [*LOST, HIDDEN]
+    assert np.flatnonzero(scales["ulna_surface"] == 0.0).tolist() == list(LOST)
+    assert set(np.unique(np.concatenate(list(scales.values())))) == {0.0, 1.0}
+    assert (report.lost_frames, report.frames_with_hidden_bones) == (len(LOST), 1)
+    assert report.worst_frame not in LOST
+    assert read.gltf.extras["lost_frames"] == list(LOST)
+
+
+def test_a_motion_without_a_pose_is_refused(limb, motion, tmp_path):
+    lost = replace(motion, lost=("dark",) * len(motion.times))
+    with pytest.raises(MotionError, match="no frame was tracked"):
+        write_gltf(lost, limb.subject, tmp_path / "motion.glb")
+    assert not list(tmp_path.iterdir())
+
+
+def test_helper_joints_keep_a_twisted_forearm_within_a_millimetre(arm, monkeypatch):
+    body = make_body(arm)
+    twists = [bent(body, 60.0, degrees) for degrees in (-80.0, 0.0, 80.0)]
+    assert skin_gap(linear_skin(body), twists).largest_m < 0.001
+    assert skin_gap(linear_skin(body), [rest_theta(body)]).largest_m < 1e-6
+    monkeypatch.setattr(track.export.linear_skin, "STEPS", 1)  # the two bones alone
+    assert skin_gap(linear_skin(body), twists).largest_m > 0.01
+
+
+@pytest.mark.parametrize("make", [toy_anatomy, toy_leg], ids=["arm", "leg"])
+def test_joints_stand_where_the_model_has_its_bones_and_the_error_is_what_is_stated(make):
+    body = make_body(make())
+    skin, theta = linear_skin(body), rest_theta(body)
+    theta[6:] += 0.2
+    posed = skin.posed(skin.frames(theta))
+    off = np.linalg.norm(posed - pose_skin(body, theta), axis=1)
+    error = skin_gap(skin, [rest_theta(body), theta])
+    assert error.largest_m == pytest.approx(off.max())
+    assert error.mean_m == pytest.approx(off.mean() / 2.0, abs=1e-9)
+    assert error.worst_pose == 1
+    assert off.max() < 0.005
+
+
+def test_khronos_validator_accepts_the_file(written):
+    node = shutil.which("node")
+    script = (
+        "const v=require('gltf-validator');const b=require('fs').readFileSync(process.argv[1]);"
+        "v.validateBytes(new Uint8Array(b)).then(r=>{console.log(JSON.stringify(r.issues.messages));"
+        "process.exit(r.issues.numErrors+r.issues.numWarnings?1:0)})"
+    )
+    found = node and subprocess.run([node, "-e", "require.resolve('gltf-validator')"], capture_output=True, check=False)
+    if not found or found.returncode:
+        pytest.skip("needs node and the npm package gltf-validator where node finds it (NODE_PATH)")
+    ran = subprocess.run([node, "-e", script, str(written[0])], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr

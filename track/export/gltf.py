@@ -1,0 +1,184 @@
+"""A motion as an animated glTF file: skin, bones and skeleton, for Blender, game engines and viewers in the browser.
+
+What is not known: glTF has no key that says "unknown". A lost frame has no key, so a viewer moves evenly from the
+frame before to the frame after; a bone's surface shrinks to nothing in frames in which the bone does not show (all of
+them do in lost frames). The skin is one mesh and stays, there on guessed poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Floats, Ints
+from adapt.model.surface import incidence, vertex_normals
+from adapt.subject import Subject
+from capture.rigid import apply, inverse
+from track.export.glb import Glb
+from track.export.linear_skin import LinearSkin, SkinGap, linear_skin, skin_gap
+from track.motion import Motion, MotionError
+
+_MATERIALS: list[dict[str, Any]] = [
+    {
+        "name": "skin",
+        "doubleSided": True,
+        "alphaMode": "BLEND",
+        "pbrMetallicRoughness": {"baseColorFactor": [0.85, 0.62, 0.52, 0.4], "metallicFactor": 0.0},
+    },
+    {
+        "name": "bone",
+        "pbrMetallicRoughness": {"baseColorFactor": [0.92, 0.88, 0.78, 1.0], "metallicFactor": 0.0},
+    },
+]
+_SKIN, _BONE = range(2)
+
+
+@dataclass(frozen=True)
+class GltfReport:
+    """What a written file does not say exactly: how far its skin is off, and frames without keys."""
+
+    skin: SkinGap
+    worst_frame: int
+    lost_frames: int
+    frames_with_hidden_bones: int
+
+
+def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
+    """Write a motion of the subject as ``.glb``: metres, the recording's frame, time 0 at the first frame.
+
+    Raises:
+        MotionError: no frame was tracked.
+    """
+    if not motion.tracked.any():
+        raise MotionError("no frame was tracked", remedy="a motion without a pose cannot be animated")
+    skin, glb = linear_skin(subject.body), Glb()
+    nodes = _joint_nodes(skin)
+    meshes = [_skin_mesh(glb, skin), *_bone_meshes(glb, skin)]
+    bone_nodes = _attach_bones(skin, nodes)
+    nodes.append({"name": "skin", "mesh": 0, "skin": 0})
+    channels = _joint_channels(glb, skin, motion) + _bone_channels(glb, motion, bone_nodes)
+    document = {
+        "asset": {"version": "2.0", "generator": "bonetrack"},
+        "extras": {"anatomy": motion.anatomy, "lost_frames": np.flatnonzero(~motion.tracked).tolist()},
+        "scene": 0,
+        "scenes": [{"nodes": [k for k, parent in enumerate(skin.parents) if parent is None] + [len(nodes) - 1]}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": _MATERIALS,
+        "skins": [
+            {
+                "joints": list(range(len(skin.names))),
+                "inverseBindMatrices": glb.add(np.array([inverse(frame) for frame in skin.rest])),
+            }
+        ],
+        "animations": [
+            {
+                "name": "motion",
+                "samplers": [sampler for sampler, _ in channels],
+                "channels": [{"sampler": k, "target": target} for k, (_, target) in enumerate(channels)],
+            }
+        ],
+    }
+    glb.write(path, document)
+    hidden = (~motion.shown).any(axis=1) & motion.tracked
+    error = skin_gap(skin, motion.thetas[motion.tracked])
+    worst = int(np.flatnonzero(motion.tracked)[error.worst_pose])
+    return GltfReport(error, worst, int((~motion.tracked).sum()), int(hidden.sum()))
+
+
+def _joint_nodes(skin: LinearSkin) -> list[dict[str, Any]]:
+    """A node for every joint, at rest, with its children."""
+    nodes: list[dict[str, Any]] = []
+    for k, (name, local) in enumerate(zip(skin.names, _local(skin, skin.rest), strict=True)):
+        translation, rotation = _parts(local)
+        node = {"name": name, "translation": translation.tolist(), "rotation": rotation.tolist()}
+        children = [child for child, parent in enumerate(skin.parents) if parent == k]
+        nodes.append(node | ({"children": children} if children else {}))
+    return nodes
+
+
+def _attach_bones(skin: LinearSkin, nodes: list[dict[str, Any]]) -> dict[str, int]:
+    """Add a node with the bone's surface to every bone's joint; returns them by the bone's name."""
+    added = {}
+    for k, bone in enumerate(skin.body.anatomy.bones):
+        added[bone.name] = len(nodes)
+        nodes[k].setdefault("children", []).append(len(nodes))
+        nodes.append({"name": f"{bone.name}_surface", "mesh": 1 + k})
+    return added
+
+
+def _skin_mesh(glb: Glb, skin: LinearSkin) -> dict[str, Any]:
+    mesh = _mesh(glb, "skin", skin.body.v_tilde.value, skin.body.anatomy.skin_faces, _SKIN)
+    weights = skin.weights.astype(np.float32)
+    weights[:, 0] = 1.0 - weights[:, 1:].sum(axis=1)  # in single precision, too, they sum up to 1
+    mesh["primitives"][0]["attributes"] |= {
+        "JOINTS_0": glb.add(np.where(weights > 0.0, skin.joints, 0), "<u1", use="vertices"),
+        "WEIGHTS_0": glb.add(weights, use="vertices"),
+    }
+    return mesh
+
+
+def _bone_meshes(glb: Glb, skin: LinearSkin) -> list[dict[str, Any]]:
+    """Every bone's surface in its joint's frame."""
+    return [
+        _mesh(glb, bone.name, apply(inverse(frame), skin.body.rest_bones[bone.name]), bone.faces, _BONE)
+        for bone, frame in zip(skin.body.anatomy.bones, skin.rest, strict=False)
+    ]
+
+
+def _mesh(glb: Glb, name: str, vertices: Floats, faces: Ints, material: int) -> dict[str, Any]:
+    normals = vertex_normals(vertices, faces, incidence(faces, len(vertices)))
+    attributes = {
+        "POSITION": glb.add(vertices, use="vertices", bounds=True),
+        "NORMAL": glb.add(normals, use="vertices"),
+    }
+    indices = glb.add(faces.reshape(-1), "<u4", use="faces")
+    return {"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material}]}
+
+
+def _joint_channels(glb: Glb, skin: LinearSkin, motion: Motion) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Keys of every joint in the frames that were tracked: pairs of a sampler and its target."""
+    times = glb.add(motion.times[motion.tracked] - motion.times[0], bounds=True)
+    frames = np.array([_local(skin, skin.frames(theta)) for theta in motion.thetas[motion.tracked]])
+    channels = []
+    for k in range(len(skin.names)):
+        translation, rotation = _parts(frames[:, k])
+        for part, values in (("translation", translation), ("rotation", _continuous(rotation))):
+            sampler = {"input": times, "interpolation": "LINEAR", "output": glb.add(values)}
+            channels.append((sampler, {"node": k, "path": part}))
+    return channels
+
+
+def _bone_channels(glb: Glb, motion: Motion, nodes: dict[str, int]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Keys that shrink the surfaces of bones to nothing from a frame in which they do not show to one where they do."""
+    shown = motion.shown & motion.tracked[:, None]
+    if shown.all():
+        return []
+    times = glb.add(motion.times - motion.times[0], bounds=True)
+    channels = []
+    for name, shows in zip(motion.transforms, shown.T, strict=True):
+        if not shows.all():
+            scale = glb.add(np.repeat(shows[:, None], 3, axis=1))
+            sampler = {"input": times, "interpolation": "STEP", "output": scale}
+            channels.append((sampler, {"node": nodes[name], "path": "scale"}))
+    return channels
+
+
+def _local(skin: LinearSkin, frames: Floats) -> Floats:
+    """Frames (J, 4, 4) as each joint's parent sees them."""
+    return np.array([f if k is None else inverse(frames[k]) @ f for f, k in zip(frames, skin.parents, strict=True)])
+
+
+def _parts(transforms: Floats) -> tuple[Floats, Floats]:
+    """Translations (..., 3) and unit quaternions x, y, z, w (..., 4) of transforms (..., 4, 4)."""
+    return transforms[..., :3, 3], np.asarray(Rotation.from_matrix(transforms[..., :3, :3]).as_quat())
+
+
+def _continuous(quaternions: Floats) -> Floats:
+    """The same rotations (T, 4), each with the sign that is nearer to the one before."""
+    turned = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0.0
+    return quaternions * np.cumprod(np.r_[1.0, np.where(turned, -1.0, 1.0)])[:, None]
