@@ -379,7 +379,19 @@ def test_debug_shows_the_traceback(tmp_path):
 def test_help_lists_every_command_and_loads_nothing_heavy():
     ran = bonetrack("--help")
     assert ran.code == 0
-    for name in ("demo", "simulate", "import", "record", "calibrate", "fuse", "adapt", "track", "evaluate", "export"):
+    for name in (
+        "demo",
+        "simulate",
+        "import",
+        "record",
+        "calibrate",
+        "fuse",
+        "adapt",
+        "track",
+        "batch",
+        "evaluate",
+        "export",
+    ):
         assert f"\n  {name} " in ran.out
         assert bonetrack(name, "--help").code == 0
     code = "import sys, track.cli; print(*{'numpy', 'scipy', 'open3d', 'cv2', 'igl', 'matplotlib'} & set(sys.modules))"

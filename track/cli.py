@@ -12,6 +12,7 @@ from adapt.commands import adapt_command
 from capture.commands import calibrate_command, fuse_command, import_command, record_command
 from capture.console import stderr
 from capture.errors import BonetrackError
+from track.batch.commands import batch_command
 from track.commands import demo_command, track_command
 from track.evaluation.commands import evaluate_command, simulate_command
 from track.export.commands import export_command
@@ -34,6 +35,7 @@ for command in (
     fuse_command,
     adapt_command,
     track_command,
+    batch_command,
     evaluate_command,
     export_command,
     view_command,

@@ -1,0 +1,144 @@
+"""A batch finishes what can be finished, once, whatever dies on the way, and says what could not be."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from capture.errors import CloudError
+from track.batch.items import BatchError, Item, read_items
+from track.batch.run import TABLE, run_batch, write_table
+from track.batch.work import Row, adapt_and_track, finished, run_item
+
+
+def toy_work(item: Item, folder: Path) -> Row:
+    """Notes each trial beside the recording; what happens is in the item's name."""
+    trials = item.recording.with_name(f"{item.name}.trials")
+    with trials.open("a") as file:
+        file.write(f"{os.getpid()}\n")
+    if item.name == "mendable":
+        raise CloudError("nobody is there", where=item.recording, remedy="state the region")
+    if item.name == "hopeless":
+        raise OSError("the disk is full")
+    if item.name == "killed" and count(item) == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return Row(item.name, frames=30, lost=1, residual_mm=1.5, hidden="radius 3")
+
+
+def count(item: Item) -> int:
+    """How often an item was tried."""
+    return len(item.recording.with_name(f"{item.name}.trials").read_text().splitlines())
+
+
+def items(folder: Path, *names: str) -> list[Item]:
+    return [Item(name, folder / name, "upper-limb-right") for name in names]
+
+
+def test_a_killed_worker_costs_one_more_trial_of_its_item_and_nothing_else(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="Dask is not installed (extra: batch)")
+    todo = items(tmp_path, "first", "killed", "mendable", "hopeless", "last")
+    told: list[str] = []
+    rows = run_batch(
+        todo, tmp_path / "out", workers=2, retries=1, work=toy_work, progress=lambda row: told.append(row.name)
+    )
+    assert [row.name for row in rows] == [item.name for item in todo]
+    assert sorted(told) == sorted(item.name for item in todo)
+    assert [row.frames for row in rows] == [30, 30, 0, 0, 30]
+    assert "nobody is there; state the region" in rows[2].error
+    assert rows[3].error == "OSError: the disk is full"
+    assert [count(item) for item in todo] == [1, 2, 1, 2, 1]
+    table = list(csv.DictReader((tmp_path / "out" / TABLE).open()))
+    assert [(line["name"], line["hidden"]) for line in table[:2]] == [("first", "radius 3"), ("killed", "radius 3")]
+
+
+def test_what_is_finished_is_not_run_again_even_without_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    todo = items(tmp_path, "one", "two")
+    made = [run_item(item, tmp_path / "out" / item.name, toy_work) for item in todo]
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    assert run_batch(todo, tmp_path / "out", work=toy_work) == made
+    assert run_item(todo[0], tmp_path / "out" / "one", toy_work) == made[0]
+    assert [count(item) for item in todo] == [1, 1]
+    with pytest.raises(BatchError, match=r"Dask is not installed.*bonetrack\[batch\]"):
+        run_batch([*todo, *items(tmp_path, "three")], tmp_path / "out", work=toy_work)
+
+
+def test_an_existing_scheduler_does_the_work(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra: batch)")
+    with distributed.LocalCluster(n_workers=1, processes=False, scheduler_kwargs={"dashboard": False}) as cluster:
+        rows = run_batch(items(tmp_path, "one"), tmp_path / "out", scheduler=cluster.scheduler_address, work=toy_work)
+        assert cluster.status.name == "running"  # whoever started it ends it
+    assert [row.error for row in rows] == [""]
+
+
+def test_results_of_another_recording_are_not_taken_for_this_ones(tmp_path: Path) -> None:
+    item = items(tmp_path, "one")[0]
+    run_item(item, tmp_path / "out", toy_work)
+    other = replace(item, anatomy="lower-limb-left")
+    assert finished(other, tmp_path / "out") is None
+    assert "results of another anatomy; give another --out" in run_item(other, tmp_path / "out", toy_work).error
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").touch()
+    assert "not of a batch" in run_item(item, tmp_path / "mine", toy_work).error
+    assert count(item) == 1
+
+
+def test_a_folder_of_recordings_is_read_in_the_order_of_their_names(tmp_path: Path) -> None:
+    for name in ("walk", "run", "notes"):
+        (tmp_path / name).mkdir()
+    for name in ("walk", "run"):
+        (tmp_path / name / "recording.json").touch()
+    assert read_items(tmp_path, anatomy="a") == [
+        Item("run", tmp_path / "run", "a"),
+        Item("walk", tmp_path / "walk", "a"),
+    ]
+    with pytest.raises(BatchError, match="no anatomy is stated; state it"):
+        read_items(tmp_path)
+
+
+def test_a_table_states_names_subjects_and_regions(tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text(
+        "recording,anatomy,name,subject,region\nr/walk,leg,,,\nr/walk,arm,walk-arm,s.npz,-1 -1 -1 1 1 1.5\n"
+    )
+    plain, full = read_items(table)
+    assert plain == Item("walk", tmp_path / "r/walk", "leg")
+    assert full == Item("walk-arm", tmp_path / "r/walk", "arm", tmp_path / "s.npz", (-1.0, -1.0, -1.0, 1.0, 1.0, 1.5))
+
+
+@pytest.mark.parametrize(
+    ("content", "saying"),
+    [
+        ("anatomy\nleg\n", "no column recording"),
+        ("recording,anatomy,colour\nr,leg,red\n", "unknown column colour"),
+        ("recording,anatomy\nr,leg\nr,leg\n", "2 items are called r; tell them apart"),
+        ("recording,anatomy\n,leg\n", "line 2: not one value for each column"),
+        ("recording,anatomy\nr,leg,arm\n", "line 2: not one value for each column"),
+        ("recording,anatomy\nr,\n", "line 2: no anatomy is stated"),
+        ("recording,anatomy,name\nr,leg,../r\n", "cannot name a folder"),
+        ("recording,anatomy,region\nr,leg,0 0 0 1 1\n", "is no region"),
+        ("recording,anatomy,region\nr,leg,0 0 0 1 -1 1\n", "is no region"),
+        ("recording,anatomy\n", "there are no recordings"),
+    ],
+)
+def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, content: str, saying: str) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text(content)
+    with pytest.raises(BatchError, match=saying):
+        read_items(table)
+
+
+def test_a_missing_recording_fails_alone_and_a_bad_file_is_no_table(tmp_path: Path) -> None:
+    row = run_item(Item("gone", tmp_path / "gone", "upper-limb-right"), tmp_path / "out" / "gone", adapt_and_track)
+    assert "gone" in row.error
+    write_table(tmp_path / "table.csv", [row])
+    assert row.error in (tmp_path / "table.csv").read_text()
+    (tmp_path / "bad.csv").write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(BatchError, match="not a CSV file"):
+        read_items(tmp_path / "bad.csv")
+    with pytest.raises(BatchError, match="no such folder or file"):
+        read_items(tmp_path / "nothing")

@@ -1,0 +1,1 @@
+"""Many recordings: adapted and tracked by several processes or machines, with one table at the end."""

@@ -1,0 +1,118 @@
+"""What is to be done: recordings with the anatomy to look for, from a folder of recordings or a table of them."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from capture.errors import BonetrackError
+
+_MARK = "recording.json"
+_NEEDED = {"recording", "anatomy"}
+_KNOWN = (*sorted(_NEEDED), "name", "region", "subject")
+
+
+class BatchError(BonetrackError):
+    """A batch cannot be begun, or some of its recordings failed."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One recording to be tracked, and under which name its results are kept.
+
+    Without a ``subject`` the anatomy is adapted to the recording first. The ``region`` is x0 y0 z0 x1 y1 z1 (m).
+    """
+
+    name: str
+    recording: Path
+    anatomy: str
+    subject: Path | None = None
+    region: tuple[float, ...] | None = None
+
+    def described(self) -> dict[str, Any]:
+        """The item as JSON keeps it."""
+        subject = None if self.subject is None else str(self.subject)
+        region = None if self.region is None else list(self.region)
+        return asdict(self) | {"recording": str(self.recording), "subject": subject, "region": region}
+
+
+def read_items(source: Path, *, anatomy: str | None = None) -> list[Item]:
+    """The items of a folder that holds recordings, or of a CSV file.
+
+    A CSV file has the columns ``recording`` and ``anatomy``, and may have ``name`` (else the recording's folder name),
+    ``subject`` and ``region`` (six numbers, m, separated by spaces). Paths are relative to the file's folder.
+
+    Args:
+        source: the folder or the file.
+        anatomy: of every recording of a folder, and of lines of a table that state none.
+
+    Raises:
+        BatchError: nothing there, a column or a value is missing or wrong, or two items of one name.
+    """
+    if source.is_dir():
+        found = sorted(path.parent.resolve() for path in source.glob(f"*/{_MARK}"))
+        items = [Item(path.name, path, _anatomy(anatomy, source)) for path in found]
+    elif source.is_file():
+        items = _from_table(source, anatomy)
+    else:
+        raise BatchError("no such folder or file", where=source, remedy="name a folder of recordings, or a CSV file")
+    if not items:
+        raise BatchError("there are no recordings", where=source, remedy="name a folder of recordings, or a CSV file")
+    name, times = Counter(item.name for item in items).most_common(1)[0]
+    if times > 1:
+        raise BatchError(f"{times} items are called {name}", where=source, remedy="tell them apart in a column `name`")
+    return items
+
+
+def _from_table(path: Path, anatomy: str | None) -> list[Item]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            lines, columns = list(reader), set(reader.fieldnames or ())
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BatchError("not a CSV file", where=path, remedy=f"give one with columns {', '.join(_KNOWN)}") from error
+    needed = _NEEDED if anatomy is None else _NEEDED - {"anatomy"}
+    if missing := sorted(needed - columns):
+        raise BatchError(f"no column {missing[0]}", where=path, remedy=f"its columns may be {', '.join(_KNOWN)}")
+    if strange := sorted(str(column) for column in columns - set(_KNOWN)):
+        raise BatchError(f"unknown column {strange[0]}", where=path, remedy=f"its columns may be {', '.join(_KNOWN)}")
+    return [_item(line, path, number, anatomy) for number, line in enumerate(lines, 2)]
+
+
+def _item(line: dict[str, str | None], path: Path, number: int, anatomy: str | None) -> Item:
+    value = {name: (line.get(name) or "").strip() for name in _KNOWN}
+    where = f"{path}, line {number}"
+    if not value["recording"] or None in line:
+        raise BatchError("not one value for each column, or no recording", where=where, remedy="complete the line")
+    recording = (path.parent / value["recording"]).resolve()
+    name = value["name"] or recording.name
+    if Path(name).name != name:
+        raise BatchError(f"{name!r} cannot name a folder", where=where, remedy="use a name without slashes")
+    return Item(
+        name,
+        recording,
+        _anatomy(value["anatomy"] or anatomy, where),
+        (path.parent / value["subject"]).resolve() if value["subject"] else None,
+        _region(value["region"], where),
+    )
+
+
+def _anatomy(name: str | None, where: str | Path) -> str:
+    if not name:
+        raise BatchError("no anatomy is stated", where=where, remedy="state it, such as --anatomy upper-limb-right")
+    return name
+
+
+def _region(text: str, where: str) -> tuple[float, ...] | None:
+    if not text:
+        return None
+    try:
+        numbers = tuple(float(part) for part in text.split())
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 6 or not all(low < high for low, high in zip(numbers[:3], numbers[3:], strict=True)):
+        raise BatchError(f"{text!r} is no region", where=where, remedy="give x0 y0 z0 x1 y1 z1 in m, lowest first")
+    return numbers

@@ -1,0 +1,125 @@
+"""The work on one item: adapt, track, and keep what the table says of it.
+
+An item's folder holds ``item.json`` (what it was made from), ``subject.npz``, ``motion/`` and, written last,
+``row.json``. An item whose row is there is finished and never worked on again; adapting and tracking go on where they
+stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from capture.errors import BonetrackError
+from capture.files import replaced_when_complete
+from track.batch.items import BatchError, Item
+
+ITEM, ROW = "item.json", "row.json"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What the table says of one item."""
+
+    name: str
+    frames: int = 0
+    lost: int = 0
+    residual_mm: float | None = None  # median over the tracked frames of the median distance of skin and cloud
+    hidden: str = ""  # "bone count" of each bone that does not show in so many of the tracked frames
+    seconds: float | None = None  # of the run that finished it
+    error: str = ""
+
+
+Work = Callable[[Item, Path], Row]
+"""What is done with an item, in its folder."""
+
+
+def run_item(item: Item, folder: Path, work: Work) -> Row:
+    """Do the work on an item, unless it is done already. What the user can mend becomes the row's error.
+
+    Raises:
+        Exception: anything else that goes wrong; another trial may succeed.
+    """
+    begun = time.perf_counter()
+    try:
+        if done := finished(item, folder):
+            return done
+        _claim(item, folder)
+        row = work(item, folder)
+    except BonetrackError as error:
+        return Row(item.name, error=str(error))
+    row = replace(row, seconds=round(time.perf_counter() - begun, 2))
+    _write(folder / ROW, asdict(row))
+    return row
+
+
+def finished(item: Item, folder: Path) -> Row | None:
+    """The row of an item that was finished before, in its folder."""
+    if _read(folder / ITEM) != item.described():
+        return None
+    row = _read(folder / ROW)
+    return None if row is None else Row(**row)
+
+
+def adapt_and_track(item: Item, folder: Path) -> Row:
+    """Adapt the item's anatomy, unless its subject is given or adapted already, and track it."""
+    import numpy as np
+
+    from adapt.anatomy import load_anatomy
+    from adapt.run import adapt_into
+    from adapt.subject import load_subject
+    from capture.recording import Region, open_recording
+    from track.run import track_recording
+
+    recording = open_recording(item.recording)
+    region = None if item.region is None else Region(np.array(item.region[:3]), np.array(item.region[3:]))
+    subject_file = item.subject or folder / "subject.npz"
+    if item.subject is None and not subject_file.is_file():
+        adapt_into(subject_file, recording, load_anatomy(item.anatomy), region=region)
+    subject = load_subject(subject_file, anatomy=item.anatomy)
+    return _row(item.name, track_recording(recording, subject, folder / "motion", region=region))
+
+
+def _row(name: str, motion) -> Row:  # type: ignore[no-untyped-def]
+    import numpy as np
+
+    tracked = motion.tracked
+    counts = {
+        bone: int((tracked & ~shown).sum()) for bone, shown in zip(motion.transforms, motion.shown.T, strict=True)
+    }
+    return Row(
+        name,
+        frames=len(tracked),
+        lost=int((~tracked).sum()),
+        residual_mm=round(1e3 * float(np.median(motion.residuals[tracked])), 3) if tracked.any() else None,
+        hidden=", ".join(f"{bone} {count}" for bone, count in counts.items() if count),
+    )
+
+
+def _claim(item: Item, folder: Path) -> None:
+    """Make the folder the item's."""
+    known = _read(folder / ITEM)
+    if known is not None and known != item.described():
+        differing = ", ".join(key for key, value in item.described().items() if known.get(key) != value)
+        raise BatchError(f"results of another {differing}", where=folder, remedy="give another --out or another name")
+    if known is None and folder.is_dir() and any(folder.iterdir()):
+        raise BatchError("holds something that is not of a batch", where=folder, remedy="give another --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / ITEM, item.described())
+
+
+def _read(path: Path) -> dict | None:  # type: ignore[type-arg]
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        return None
+    except ValueError as error:
+        raise BatchError("cannot be read", where=path, remedy="remove its folder and run again") from error
+
+
+def _write(path: Path, content: dict) -> None:  # type: ignore[type-arg]
+    with replaced_when_complete(path) as partial:
+        partial.write_text(json.dumps(content), encoding="utf-8")
