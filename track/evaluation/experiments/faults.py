@@ -278,6 +278,10 @@ sensors, {_SECONDS:g} s at 30 frames a second. The body is adapted to the record
 frames in which the motion claims to know the joint; *wrong* are those among them that err by more than
 {_WRONG_DEG:g} degrees. *Backward* frames were tracked back in time from a later one.
 
+Dropped frames are dropped of each sensor by itself, so that some instants have one sensor only. Hidden: a screen slides
+before the limb, one for each sensor. Salt: a tenth of all pixels read any depth from 0.5 to 4 m. Clocks apart: the
+second sensor sees the limb so much later than its time says. Somebody, made of ellipsoids, walks past 15 cm behind.
+
 {tables}
 """
 
