@@ -99,8 +99,9 @@ Root mean square in mm, mean ± SD (maximum) over people. *Heads* and *whole bon
 *heads' change of shape* is the largest distance that the best similarity leaves between the template's head and the
 reconstructed one: 0 for a head that kept its shape. With bones known, handles win on the
 first kind and affine maps on the second by construction; what is to be learnt is how much the other loses, and what is
-left of it when only skin is known. Where people's bones do stretch as a whole, ours are the worse, and the error of
-either kind is a millimetre or two: this alone does not prefer the one to the other. Heads that change shape do not fit
+left of it when only skin is known. Even by handles heads change their shape a little, because the weights are not quite
+one throughout a head. Where people's bones do stretch as a whole, ours are the worse; either way the means are one to
+two and a half millimetres, so this alone does not prefer the one to the other. Heads that change their shape do not fit
 their neighbours any more when a joint moves, which is the reason for handles. The paper's figure has no numbers.
 
 ![Distance to the true bones, from the skin](images/{name})
