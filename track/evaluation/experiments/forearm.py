@@ -178,9 +178,9 @@ least depth of ulna and radius below the skin; negative where a bone comes throu
 Bound at rest, dual quaternions keep the sections as well as the deformer does, and their centre line is straighter over
 the middle of the range; it leaves its chord farther at full supination, where the carrying angle shows. Linear blending
 is the straightest there because it has lost the forearm that could bow. So the deformer's advantage over dual
-quaternions is a small one on this limb; over the other two it is large. The paper shows pictures without numbers, from
-the whole twist at once, where dual quaternions do worse: see [model.md](model.md) and `docs/figures/forearm_twist.py`
-for that with the first three methods.
+quaternions is a small one on this limb; over the other two it is large. From the whole
+twist at once dual quaternions do worse: see [model.md](model.md) and `docs/figures/forearm_twist.py` for that with the
+first three methods. We have no numbers of the paper's to set beside these.
 
 ![Forearms turned farthest from rest, section areas and least section over the range](images/{name})
 """

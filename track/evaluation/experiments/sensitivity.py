@@ -199,7 +199,8 @@ towards the first sensor; the ball ({200 * _BALL_M:g} cm across) lies in the pal
 {tables}
 
 Mean ± SD (maximum) over frames that were tracked, all subjects together. A frame is lost when its pose is given up;
-of the bones in the other frames some are not claimed, and those are in no error. The paper varies none of these.
+of the bones in the other frames some are not claimed, and those are in no error.
+We have no numbers of the paper's to set beside these.
 
 ![Errors by condition](images/{name})
 """

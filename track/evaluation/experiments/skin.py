@@ -102,7 +102,7 @@ first is kinder than the paper's, because its bones did not have to explain the 
 over poses; skin and bone surfaces are distances of points to the nearest place of the true surface, centres are of
 joints. Skin counts as seen where the true body finds a point of a cloud that is adapted to. The simulated tissue is
 smooth over 4 cm and as thick as our prior expects, so the smooth modes can nearly express it, which flatters the second
-column: real flesh may leave more to the last step. The paper shows this figure as a picture and gives no numbers.
+column: real flesh may leave more to the last step. We have no numbers of the paper's to set beside these.
 
 {"".join(parts).strip()}
 """

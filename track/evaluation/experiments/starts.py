@@ -154,9 +154,9 @@ is what `adapt_body` makes of the template in the true poses.
 
 How far any two starts' final bodies lie apart in the example poses, as skin: {apart} mm. Where an error of centimetres
 stays, poses were caught in a wrong place: starts as far off as these are not all brought back, and the body pays for
-each pose that is not. The paper shows in a picture, without numbers, that its four starts end alike; how far apart they
-began is not told. `bonetrack adapt` leaves the start to a search over many poses, and drops poses that fit worse than
-the others; neither is used here.
+each pose that is not. We have no numbers of the paper's to set beside these.
+`bonetrack adapt` leaves the start to a search over many poses, and drops poses that fit worse than the others; neither
+is used here.
 
 ![Skin error after every update, from four starts](images/{name})
 """
