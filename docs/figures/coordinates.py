@@ -1,4 +1,4 @@
-"""The coordinates of an anatomy as a Markdown table, for docs/model.md.
+"""The coordinates of an anatomy as a Markdown table, for docs/coordinates.md.
 
 python docs/figures/coordinates.py
 """

@@ -57,13 +57,18 @@ def _gltf(motion: Motion, subject: Subject, path: Path) -> Path:
     off = report.skin
     stdout.print(
         f"{path.name}: its skin is off the model's by {1e3 * off.mean_m:.2f} mm in the mean, at most "
-        f"{1e3 * off.largest_m:.1f} mm (frame {report.worst_frame}), because it is blended linearly"
+        f"{1e3 * off.largest_m:.1f} mm (frame {report.worst_frame}), because it is blended linearly",
+        soft_wrap=True,
     )
     if report.lost_frames:
-        stdout.print(f"{path.name}: {report.lost_frames} lost frame(s) have no keys; viewers pass over them evenly")
+        stdout.print(
+            f"{path.name}: {report.lost_frames} lost frame(s) have no keys; viewers pass over them evenly",
+            soft_wrap=True,
+        )
     if report.frames_with_hidden_bones:
         stdout.print(
             f"{path.name}: bones vanish where they do not show ({report.frames_with_hidden_bones} frame(s)); "
-            "their skin stays, on guessed poses"
+            "their skin stays, on guessed poses",
+            soft_wrap=True,
         )
     return path

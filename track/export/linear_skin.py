@@ -29,17 +29,17 @@ INFLUENCES = 4
 
 @dataclass(frozen=True, eq=False)
 class _Span:
-    """The frames of a deformer between two bones: where they stand at rest on each, in the recording's axes."""
+    """The frames of a deformer between two bones: where they stand at rest on each, and at which ``t``."""
 
     bones: tuple[str, str]
     ends: tuple[Motion, Motion]
+    t: Floats
 
     def frames(self, transforms: dict[str, Floats]) -> Floats:
-        """The helper joints' frames (STEPS - 1, 4, 4) where the bones have moved by ``transforms`` (4, 4)."""
+        """The helper joints' frames (N, 4, 4) where the bones have moved by ``transforms`` (4, 4)."""
         first, second = (compose(_still(transforms[b]), e) for b, e in zip(self.bones, self.ends, strict=True))
-        t = np.arange(1, STEPS) / STEPS
-        between = blended_frames(first, second, t, np.zeros((len(t), 0)))
-        frames = np.tile(np.eye(4), (len(t), 1, 1))
+        between = blended_frames(first, second, self.t, np.zeros((len(self.t), 0)))
+        frames = np.tile(np.eye(4), (len(self.t), 1, 1))
         frames[:, :3, :3], frames[:, :3, 3] = between.rotation, between.origin
         return frames
 
@@ -85,8 +85,8 @@ class SkinGap:
     worst_pose: int
 
 
-def linear_skin(body: Body) -> LinearSkin:
-    """Joints and weights for a body's skin."""
+def linear_skin(body: Body, *, steps: int = STEPS) -> LinearSkin:
+    """Joints and weights for a body's skin; a deformer's turn is cut into ``steps`` by one helper joint less."""
     bones = [bone.name for bone in body.anatomy.bones]
     parents = {joint.child: joint.parent for joint in body.anatomy.joints}
     names, hangs_on = list(bones), [parents[name] for name in bones]
@@ -98,12 +98,12 @@ def linear_skin(body: Body) -> LinearSkin:
             weights[:, bones.index(deformer.bones[0])] += share
             continue
         first, second = deformer.bones
-        helpers = range(len(names), len(names) + STEPS - 1)
-        names += [f"{deformer.name}_{k + 1}_of_{STEPS}" for k in range(len(helpers))]
+        helpers = range(len(names), len(names) + steps - 1)
+        names += [f"{deformer.name}_{k + 1}_of_{steps}" for k in range(len(helpers))]
         hangs_on += [first] * len(helpers)
         weights = np.pad(weights, ((0, 0), (0, len(helpers))))
         _hang(weights, [bones.index(first), *helpers, bones.index(second)], bound.t, share)
-        spans.append(_Span((first, second), _ends(bound)))
+        spans.append(_Span((first, second), _ends(bound), np.arange(1, steps) / steps))
     at_rest = bone_frames(body, rest_theta(body))
     still = {name: np.eye(4) for name in bones}
     rest = np.concatenate([np.array([at_rest[name] for name in bones]), *(span.frames(still) for span in spans)])
@@ -137,9 +137,9 @@ def _still(matrix: Floats) -> Motion:
 
 def _hang(weights: Floats, columns: list[int], t: Floats, share: Floats) -> None:
     """Give the ``share`` (V,) of each vertex to the two of the columns on either side of its ``t`` (V,)."""
-    rows, column = np.arange(len(t)), np.array(columns)
-    below = np.minimum((t * STEPS).astype(int), STEPS - 1)
-    beyond = t * STEPS - below
+    rows, column, steps = np.arange(len(t)), np.array(columns), len(columns) - 1
+    below = np.minimum((t * steps).astype(int), steps - 1)
+    beyond = t * steps - below
     weights[rows, column[below]] += share * (1.0 - beyond)
     weights[rows, column[below + 1]] += share * beyond
 

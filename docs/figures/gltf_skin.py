@@ -1,0 +1,47 @@
+"""How far a glTF file's linearly blended skin is off the model's, with helper joints and without, for docs/exports.md.
+
+python docs/figures/gltf_skin.py
+"""
+
+from __future__ import annotations
+
+import click
+import numpy as np
+from rich.table import Table
+
+from adapt.anatomy import load_anatomy
+from adapt.model.body import make_body, rest_theta
+from capture.console import stdout
+from track.export.linear_skin import STEPS, linear_skin, skin_gap
+
+POSES = {
+    "upper-limb-right": (("pro_sup", -90.0), ("pro_sup", 90.0)),
+    "lower-limb-right": (
+        ("knee_angle_r", 60.0),
+        ("knee_angle_r", 120.0),
+        ("hip_flexion_r", 45.0),
+        ("hip_flexion_r", 120.0),
+        ("ankle_angle_r", -40.0),
+        ("ankle_angle_r", 30.0),
+    ),
+}
+
+
+@click.command()
+def main() -> None:
+    """Measure one coordinate at a time, the others at rest."""
+    shown = Table("coordinate", "degrees", "joints per turn", "mean (mm)", "largest (mm)")
+    for name, poses in POSES.items():
+        body = make_body(load_anatomy(name))
+        for coordinate, degrees in poses:
+            theta = rest_theta(body)
+            theta[body.anatomy.coordinate_index(coordinate)] = np.deg2rad(degrees)
+            for steps in (1, STEPS):
+                gap = skin_gap(linear_skin(body, steps=steps), [theta])
+                cells = (f"{1e3 * gap.mean_m:.2f}", f"{1e3 * gap.largest_m:.1f}")
+                shown.add_row(coordinate, f"{degrees:.0f}", str(steps - 1), *cells)
+    stdout.print(shown)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""The pages of docs/: the example runs, the site builds, and the pages name what there is."""
+
+from __future__ import annotations
+
+import ast
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from track.motion import load_motion
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+
+def test_the_example_in_python_runs_and_finds_the_arm(limb, tmp_path, capsys):
+    """With the known subject as one made before: adapting takes a minute, and is tested elsewhere."""
+    out = tmp_path / "out"
+    out.mkdir()
+    shutil.copy(limb.recording.path.parent / "subject.npz", out)
+    runpy.run_path(str(DOCS / "examples" / "sample_to_bones.py"))["main"](limb.recording.path, out)
+    said = capsys.readouterr().out
+    assert "elbow" in said
+    assert "motion.glb" in said
+    motion = load_motion(out / "motion")
+    assert motion.tracked.all()
+    surface = np.load(out / "ulna_00000.npy")
+    assert surface.shape == limb.subject.body.rest_bones["ulna"].shape
+    assert (out / "motion.glb").stat().st_size > 100_000
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    pytest.importorskip("material", reason="needs pip install '.[docs]'")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert (tmp_path / "site" / "first-steps" / "index.html").is_file()
+
+
+def test_every_link_and_picture_of_the_pages_exists():
+    missing = []
+    for page in [ROOT / "README.md", *DOCS.glob("*.md")]:
+        for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+            if not target.startswith(("http", "#")) and not (page.parent / target.partition("#")[0]).exists():
+                missing.append(f"{page.name}: {target}")
+    assert not missing
+
+
+def test_every_message_of_the_page_of_errors_is_in_the_code():
+    """The page quotes messages with an ellipsis where the program puts in what it is about."""
+    said = "\n".join(_texts())
+    quoted = re.findall(r"\*\*`([^`]+)`\*\*", (DOCS / "errors.md").read_text(encoding="utf-8"))
+    assert len(quoted) > 10
+    lost = [message for message in quoted for part in message.split("...") if part.strip() and part.strip() not in said]
+    assert not lost
+
+
+def _texts() -> list[str]:
+    """Every text in the program, f-strings with an ellipsis for what they put in."""
+    texts = []
+    for package in ("capture", "adapt", "track"):
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.JoinedStr):
+                    texts.append("".join(str(v.value) if isinstance(v, ast.Constant) else "..." for v in node.values))
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    texts.append(node.value)
+    return texts
