@@ -13,14 +13,18 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from capture.camera import Camera, backproject
+from capture.camera import Camera, backproject, project
 from capture.errors import CalibrationError
 from capture.planes import Plane, find_planes
-from capture.rigid import Floats, apply, exp_so3, transform
+from capture.rigid import Floats, apply, exp_so3, inverse, transform
 
 _SEARCH_ANGLE_DEG = 12.0  # planes this far from perpendicular are still looked at, so that the report can name it
 _LARGEST_ANGLE_DEG = 2.0  # with sound intrinsics a Carmine at 1.2 m measures them to 0.3
 _LARGEST_SIZE_ERROR_M = 0.012
+_LARGEST_SCALE_ERROR_PERCENT = 2.0  # of a true box a Carmine measures half a per cent less
+_ALIKE_M = 0.005  # sides that are wrong by one factor differ from it by less
+_FAR_M = 1.6  # from here on noise tilts small faces
+_AT_BORDER_PX = 3
 _DISTINCT_SIDES_M = 0.015  # sides must differ by this much to be told apart, or be equal
 _EQUAL_SIDES_M = 0.001
 _TOUCHING_M = 0.035  # how near the points of a face come to the planes it meets
@@ -28,10 +32,11 @@ _STANDING_OUT_M = 0.015  # how far a few points of a face may stand out beyond t
 _EDGE_M = 0.012  # points this near an edge do not count: windows and silhouettes blur them
 _FEWEST_POINTS = 200  # on each face
 _ROUNDS = 20
+_REACH_QUANTILE = 0.995  # of the points of a face; they are spread evenly, so it is this share of the side
 _TUKEY = 4.685  # in standard deviations: 95 % efficiency for Gaussian errors
 _SMALLEST_SIGMA_M = 3e-4
 
-_REMEDY = "stand the box free, 0.6 to 1.5 m away, with a corner of three faces towards the sensor"
+_REMEDY = "stand the box free, whole in the image, 0.6 to 1.5 m away, with a corner of three faces towards the sensor"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,19 +100,16 @@ def find_box(depth_m: Floats, camera: Camera, size_m: tuple[float, float, float]
     a in {1, 2, 3} of side s_a in {-1, 1}, with Tukey's rho.
 
     Raises:
-        CalibrationError: no box, fewer than three faces, the wrong size, faces that are not perpendicular, or too
-            few points on them.
+        CalibrationError: no box, fewer than three faces, the wrong size, cut off by the image's border, faces that
+            are not perpendicular, or too few points on them.
     """
     check_size(size_m)
     points = backproject(camera, depth_m)
     corner = _best_corner(find_planes(points), size_m)
+    _refuse_another_size(corner, size_m, camera)
     angles = _face_angles(corner.planes)
-    if max(abs(angle - 90.0) for angle in angles) > _LARGEST_ANGLE_DEG:
-        listed = ", ".join(f"{angle:.1f}" for angle in angles)
-        raise CalibrationError(
-            f"the faces of the box meet at {listed} degrees instead of 90",
-            remedy="use a rigid box, and check the camera's focal length and distortion",
-        )
+    _refuse_other_angles(angles, corner.planes)
+    _refuse_another_scale(corner, size_m)
     pose, sides = _initial_pose(corner.planes, size_m)
     cloud = points[np.isfinite(points[..., 2])]
     pose, residuals = _refined(pose, sides, cloud, np.asarray(size_m) / 2.0)
@@ -120,6 +122,21 @@ def find_box(depth_m: Floats, camera: Camera, size_m: tuple[float, float, float]
         face_angles_deg=angles,
         measured_size_m=(measured[0], measured[1], measured[2]),
     )
+
+
+def displacement(fit: BoxFit, depth_m: Floats, camera: Camera, size_m: tuple[float, float, float]) -> float:
+    """How far (m) a corner of the box in another image (H, W) (m, 0 for none) is at most from where the fit has it.
+
+    Infinite if too little of the box is where the fit has it.
+    """
+    points = backproject(camera, depth_m)
+    seen_from, half = fit.box_from_sensor[:3, 3], np.asarray(size_m) / 2.0
+    try:
+        pose, _ = _refined(fit.box_from_sensor, np.sign(seen_from), points[np.isfinite(points[..., 2])], half, 1e-5)
+    except CalibrationError:
+        return np.inf
+    corners = half * np.array(list(product((1.0, -1.0), repeat=3)))
+    return float(np.linalg.norm(apply(pose @ inverse(fit.box_from_sensor), corners) - corners, axis=1).max())
 
 
 def _face_angles(planes: tuple[Plane, Plane, Plane]) -> tuple[float, float, float]:
@@ -139,14 +156,63 @@ def _best_corner(planes: list[Plane], size_m: tuple[float, float, float]) -> _Co
     if not corners:
         two = any(_are_two_faces(planes[i], planes[j], size_m) for i, j in pairs)
         raise CalibrationError("only two faces of the box are seen" if two else "no box in view", remedy=_REMEDY)
-    best = min(corners, key=lambda corner: corner.error_m)
-    if best.error_m > _LARGEST_SIZE_ERROR_M:
-        measured, stated = (" x ".join(f"{1000 * s:.0f}" for s in size) for size in (best.size_m, size_m))
+    return min(corners, key=lambda corner: corner.error_m)
+
+
+def _refuse_another_size(corner: _Corner, size_m: tuple[float, float, float], camera: Camera) -> None:
+    """Raise CalibrationError for sides of which one is not as stated; all by one factor are another matter."""
+    if (
+        corner.error_m < _LARGEST_SIZE_ERROR_M
+        or np.abs(corner.size_m - _scale(corner, size_m) * np.asarray(size_m)).max() < _ALIKE_M
+    ):
+        return
+    if any(_at_border(plane, camera) for plane in corner.planes):
         raise CalibrationError(
-            f"box of the wrong size: measured {measured} mm, the recording says {stated} mm",
-            remedy="correct the size in the recording, or show three whole faces of the box",
+            f"the box reaches over the border of the image: {_against(corner, size_m)}", remedy=_REMEDY
         )
-    return best
+    raise CalibrationError(
+        f"box of the wrong size: {_against(corner, size_m)}",
+        remedy="correct the size in the recording, or show three whole faces of the box",
+    )
+
+
+def _refuse_another_scale(corner: _Corner, size_m: tuple[float, float, float]) -> None:
+    """Raise CalibrationError for sides that are all too large, or too small, by one factor."""
+    percent = 100.0 * (_scale(corner, size_m) - 1.0)
+    if abs(percent) > _LARGEST_SCALE_ERROR_PERCENT:
+        larger = "large" if percent > 0.0 else "small"
+        raise CalibrationError(
+            f"all sides of the box are {abs(percent):.1f} % too {larger}: {_against(corner, size_m)}",
+            remedy="check the depth unit and the focal length in the recording, then the stated size",
+        )
+
+
+def _scale(corner: _Corner, size_m: tuple[float, float, float]) -> float:
+    """The factor that brings the stated sides nearest to the measured ones."""
+    return float(corner.size_m @ size_m / np.dot(size_m, size_m))
+
+
+def _against(corner: _Corner, size_m: tuple[float, float, float]) -> str:
+    measured, stated = (" x ".join(f"{1000 * side:.0f}" for side in size) for size in (corner.size_m, size_m))
+    return f"measured {measured} mm, the recording says {stated} mm"
+
+
+def _at_border(plane: Plane, camera: Camera) -> bool:
+    pixels, _ = project(camera, plane.points)
+    nearest = np.minimum(pixels, np.array([camera.width - 1, camera.height - 1]) - pixels)
+    return bool((nearest < _AT_BORDER_PX).any())
+
+
+def _refuse_other_angles(angles: tuple[float, float, float], planes: tuple[Plane, Plane, Plane]) -> None:
+    """Raise CalibrationError for faces that are not perpendicular."""
+    if max(abs(angle - 90.0) for angle in angles) <= _LARGEST_ANGLE_DEG:
+        return
+    listed = ", ".join(f"{angle:.1f}" for angle in angles)
+    away = min(float(np.median(plane.points[:, 2])) for plane in planes)
+    raise CalibrationError(
+        f"the faces of the box, {away:.1f} m away, meet at {listed} degrees instead of 90",
+        remedy=_REMEDY if away > _FAR_M else "use a rigid box, and check the camera's focal length and distortion",
+    )
 
 
 def _meet_outwards(a: Plane, b: Plane) -> bool:
@@ -173,7 +239,7 @@ def _named(planes: tuple[Plane, Plane, Plane], size_m: tuple[float, float, float
 
 def _reach(plane: Plane, other: Plane) -> float:
     """How far (m) a face goes behind the plane of another."""
-    return float(np.quantile(plane.offset - other.points @ plane.normal, 0.995))
+    return float(np.quantile(plane.offset - other.points @ plane.normal, _REACH_QUANTILE)) / _REACH_QUANTILE
 
 
 def _are_two_faces(a: Plane, b: Plane, size_m: tuple[float, float, float]) -> bool:
@@ -196,7 +262,9 @@ def _initial_pose(planes: tuple[Plane, Plane, Plane], size_m: tuple[float, float
     return transform(rotation, sides * np.asarray(size_m) / 2.0 - (rotation * centres).sum(axis=1)), sides
 
 
-def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats) -> tuple[Floats, Floats]:
+def _refined(
+    pose: Floats, sides: Floats, cloud: Floats, half: Floats, small_step: float = 1e-8
+) -> tuple[Floats, Floats]:
     """Gauss-Newton with Tukey's weights on the pose (4, 4); also the distances (N,) m of the points it rests on."""
     near = apply(pose, cloud)
     cloud = cloud[(np.abs(near) < half + 3.0 * _EDGE_M).all(axis=1)]
@@ -212,7 +280,7 @@ def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats) -> tuple[
         normal, gradient = jacobian.T @ (weight[:, None] * jacobian), jacobian.T @ (weight * residual)
         step = np.asarray(np.linalg.solve(normal, -gradient), dtype=np.float64)
         pose = transform(exp_so3(step[:3]), step[3:]) @ pose
-        if np.abs(step).max() < 1e-8:
+        if np.abs(step).max() < small_step:
             break
     return pose, residual[weight > 0.0]
 

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.box import BoxFit, find_box, symmetries
+from capture.box import BoxFit, displacement, find_box, symmetries
 from capture.camera import Camera, backproject, project
 from capture.errors import CalibrationError
 from capture.recording import (
@@ -33,6 +34,8 @@ from capture.recording import (
 from capture.rigid import Floats, apply, inverse, transform
 
 _NEAR_MEDIAN_M = 0.02  # readings farther from a pixel's median over the box frames are not averaged
+_BOX_IMAGES = 5  # compared to see that the box stood still
+_LARGEST_MOVE_M = 0.003  # a single image of a Carmine at 1.2 m shows the corners half a millimetre off
 _INSTANTS = 12  # compared to settle the ambiguity
 _POINTS = 3000  # of each sensor at each instant
 _AGREEMENT_FLOOR_M, _AGREEMENT_GROWTH = 0.015, 0.003  # tolerance at depth z: floor + growth z^2
@@ -60,8 +63,8 @@ def calibrate_recording(recording: Recording) -> Calibration:
     (2 is the most there can be; the first sensor has none).
 
     Raises:
-        CalibrationError: no stated box, no box frames, no box found (see ``capture.box``), or the recording does
-            not tell which way round the sensors see the box.
+        CalibrationError: no stated box, no box frames, no box found (see ``capture.box``), it moved, or the recording
+            does not tell which way round the sensors see the box.
     """
     if recording.box_size_m is None:
         raise CalibrationError(
@@ -102,10 +105,42 @@ def _fit(recording: Recording, sensor: Sensor, size_m: tuple[float, float, float
         raise CalibrationError(
             "there are no images of the calibration box", where=where, remedy="record the box with each sensor"
         )
+    images = [sensor.box_frames[i] for i in _spread(len(sensor.box_frames), _BOX_IMAGES)]
+    single = [read_depth(sensor, frame).astype(np.float64) for frame in images]
     try:
-        return find_box(averaged_depth(sensor, sensor.box_frames).astype(np.float64), sensor.camera, size_m)
+        fit = find_box(averaged_depth(sensor, sensor.box_frames).astype(np.float64), sensor.camera, size_m)
     except CalibrationError as error:
+        _refuse_moved(_first_box(single, sensor.camera, size_m), single, sensor, size_m, where)
         raise CalibrationError(error.problem, where=where, remedy=error.remedy) from error
+    _refuse_moved(fit, single, sensor, size_m, where)
+    return fit
+
+
+def _first_box(single: list[Floats], camera: Camera, size_m: tuple[float, float, float]) -> BoxFit | None:
+    """The box in the first image alone, if the last one has it too: else neither tells that it moved."""
+    try:
+        fits = [find_box(depth, camera, size_m) for depth in (single[0], single[-1])]
+    except CalibrationError:
+        return None
+    return fits[0]
+
+
+def _refuse_moved(
+    fit: BoxFit | None, single: list[Floats], sensor: Sensor, size_m: tuple[float, float, float], where: Path
+) -> None:
+    moves = [0.0 if fit is None else displacement(fit, depth, sensor.camera, size_m) for depth in single]
+    if max(moves) > _LARGEST_MOVE_M:
+        far = f"by {1000 * max(moves):.0f} mm" if np.isfinite(max(moves)) else "far"
+        raise CalibrationError(
+            f"the box, or the sensor, moved {far} while its images were taken",
+            where=where,
+            remedy="leave both alone while the box is recorded, and nobody in front of it",
+        )
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """At most so many of ``count`` indices, first and last included."""
+    return sorted({round(i) for i in np.linspace(0, count - 1, most)})
 
 
 def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None) -> SensorCalibration:
@@ -137,7 +172,15 @@ def _resolved(
         scores = [_score(looks, sensor.name, candidate, poses) for candidate in candidates]
         ranked = np.argsort(scores)[::-1]
         best, margin = int(ranked[0]), float(scores[ranked[0]] - scores[ranked[1]])
-        if scores[best] < _LEAST_SCORE or margin < _LEAST_MARGIN:
+        if scores[best] < _LEAST_SCORE:
+            raise CalibrationError(
+                f"what sensor {sensor.name!r} saw does not lie on what the others saw, whichever of {len(scores)} ways "
+                f"round it sees the box: the best agrees by {scores[best]:.2f}",
+                where=recording.path,
+                remedy="leave box and sensors alone between the sensors' images of the box and the end, with the "
+                "person moving in view of all sensors at once",
+            )
+        if margin < _LEAST_MARGIN:
             raise CalibrationError(
                 f"which way round sensor {sensor.name!r} sees the box cannot be decided: of {len(scores)} ways the "
                 f"best agrees with the other sensors by {scores[best]:.2f}, the next by {scores[ranked[1]]:.2f}",
@@ -161,9 +204,9 @@ def _looks(recording: Recording) -> list[dict[str, _Look]]:
             where=recording.path,
             remedy="record the person with all sensors at once",
         )
-    chosen = np.unique(np.linspace(0, len(shared) - 1, _INSTANTS).round().astype(int))
     return [
-        {name: _look(recording.sensor(name), frame) for name, frame in shared[index].frames.items()} for index in chosen
+        {name: _look(recording.sensor(name), frame) for name, frame in shared[index].frames.items()}
+        for index in _spread(len(shared), _INSTANTS)
     ]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from capture.box import find_box, symmetries
 from capture.calibrate import averaged_depth, calibrate_recording, write_calibration
-from capture.camera import backproject
+from capture.camera import Camera, backproject
 from capture.errors import CalibrationError
 from capture.planes import find_planes
 from capture.recording import Calibration, Recording, RecordingWriter, Sensor, open_recording
@@ -325,6 +325,114 @@ def test_a_room_around_box_and_subject_does_not_mislead(tmp_path: Path) -> None:
     degrees, _, at_the_middle = errors_against_truth(recording, calibrate_recording(recording))
     assert degrees < 0.3
     assert at_the_middle < 1.0
+
+
+def cut_off(depth: Floats, side: str, share: float) -> tuple[Floats, Camera]:
+    """The image and camera without what is beyond a line that cuts a share off what is seen."""
+    (top, bottom), (left, right) = ((i.min(), i.max()) for i in np.nonzero(depth))
+    row, column = int(share * (bottom - top)), int(share * (right - left))
+    first_row, last_row, first_column, last_column = {
+        "top": (top + row, 480, 0, 640),
+        "bottom": (0, bottom - row, 0, 640),
+        "left": (0, 480, left + column, 640),
+        "right": (0, 480, 0, right - column),
+    }[side]
+    kept = depth[first_row:last_row, first_column:last_column]
+    height, width = kept.shape
+    cx, cy = CAMERA.cx - float(first_column), CAMERA.cy - float(first_row)
+    return kept, replace(CAMERA, width=width, height=height, cx=cx, cy=cy)
+
+
+def box_seen(*, scale: float = 1.0, size: tuple[float, float, float] = SIZE, away_m: float = 1.2) -> Floats:
+    rig = default_rig(np.concatenate(arm_motion(1)[0]), distance_m=away_m)
+    vertices, faces = box_mesh(size)
+    return scale * image((apply(rig.world_from_box, vertices), faces), rig.sensors[0].world_from_sensor)
+
+
+@pytest.mark.parametrize("side", ["top", "bottom", "left", "right"])
+def test_a_box_cut_off_by_the_images_border_is_not_taken_for_a_smaller_one(side: str) -> None:
+    depth, camera = cut_off(box_seen(), side, 0.35)
+    with pytest.raises(CalibrationError, match="reaches over the border of the image") as caught:
+        find_box(depth, camera, SIZE)
+    assert "correct the size" not in str(caught.value)
+    assert "whole in the image" in caught.value.remedy
+
+
+@pytest.mark.parametrize(("scale", "saying"), [(1.03, r"(2|3)\.\d % too large"), (0.97, r"(2|3)\.\d % too small")])
+def test_depths_that_are_all_too_large_or_too_small_show_in_the_size_of_the_box(scale: float, saying: str) -> None:
+    with pytest.raises(CalibrationError, match=f"all sides of the box are {saying}.*check the depth unit"):
+        find_box(box_seen(scale=scale), CAMERA, SIZE)
+
+
+def test_a_box_too_far_away_is_told_to_come_nearer_not_that_it_is_crooked() -> None:
+    with pytest.raises(CalibrationError, match=r"the box, 2\.\d m away.*0\.6 to 1\.5 m away") as caught:
+        find_box(box_seen(away_m=2.5), CAMERA, SIZE)
+    assert "rigid" not in caught.value.remedy
+
+
+def test_a_box_too_small_to_have_enough_points_is_not_found() -> None:
+    size = (0.08, 0.06, 0.04)
+    with pytest.raises(CalibrationError, match=r"(no box in view|too few points|only two faces).*stand the box free"):
+        find_box(box_seen(size=size, away_m=1.5), CAMERA, size)
+
+
+def with_moved_box(path: Path, rig: SensorRig, moves: dict[str, list[Floats]]) -> Recording:
+    """A recording whose box stands elsewhere, by moves (4, 4) of the world, in each sensor's images of it."""
+    vertices, faces = box_mesh(rig.box_size_m)
+    frames, limb_faces, times = arm_motion(2 if len(moves) > 1 else 0)
+    sensors = [Sensor(sensor.name, sensor.camera, depth_range_m=(0.35, 3.0)) for sensor in rig.sensors]
+    with RecordingWriter(path, sensors=sensors, created_by="test") as writer:
+        writer.set_box(rig.box_size_m)
+        for sensor in rig.sensors:
+            for index, move in enumerate(moves[sensor.name]):
+                moved = apply(move @ rig.world_from_box, vertices), faces
+                writer.add_box_frame(sensor.name, image(moved, sensor.world_from_sensor, seed=index), index / 30.0)
+            for limb, time_s in zip(frames, times, strict=True):
+                writer.add_frame(sensor.name, image((limb, limb_faces), sensor.world_from_sensor, seed=99), time_s)
+    return open_recording(path)
+
+
+def turned_about_y(degrees: float, centre: Floats) -> Floats:
+    rotation = exp_so3(np.array([0.0, np.deg2rad(degrees), 0.0]))
+    return transform(rotation, centre - rotation @ centre)
+
+
+def pushed(metres: float) -> Floats:
+    return transform(np.eye(3), np.array([0.0, 0.0, metres]))
+
+
+@pytest.mark.parametrize("how", ["pushed 8 mm", "turned 3 degrees", "kicked at the end", "moved once"])
+def test_a_box_that_moves_while_it_is_recorded_is_refused(tmp_path: Path, how: str) -> None:
+    rig = random_rig(2)
+    rig = replace(rig, sensors=rig.sensors[:1])
+    along = np.linspace(0.0, 1.0, 4)
+    moves = {
+        "pushed 8 mm": [pushed(0.008 * t) for t in along],
+        "turned 3 degrees": [turned_about_y(3.0 * t, rig.world_from_box[:3, 3]) for t in along],
+        "kicked at the end": [pushed(0.1 * (t == 1.0)) for t in along],
+        "moved once": [pushed(0.1 * (t > 0.5)) for t in along],
+    }[how]
+    recording = with_moved_box(tmp_path / "rec", rig, {"sensor1": moves})
+    with pytest.raises(CalibrationError, match=r"sensor1: the box, or the sensor, moved .*leave both alone"):
+        calibrate_recording(recording)
+
+
+def test_a_box_moved_between_the_sensors_images_is_refused(tmp_path: Path) -> None:
+    rig = random_rig(2)
+    moves = {"sensor1": [np.eye(4)], "sensor2": [pushed(0.04)]}
+    with pytest.raises(CalibrationError, match=r"'sensor2' saw does not lie on what the others saw.*leave box and"):
+        calibrate_recording(with_moved_box(tmp_path / "rec", rig, moves))
+
+
+def test_sensors_that_face_each_other_see_no_face_in_common_and_are_still_calibrated(tmp_path: Path) -> None:
+    points = np.concatenate(arm_motion(3)[0])
+    rig = default_rig(points, spread_deg=180.0, elevations_deg=(20.0, -20.0))
+    axes = [(rig.world_from_box[:3, :3].T @ (s.world_from_sensor[:3, 3] - points.mean(axis=0))) for s in rig.sensors]
+    assert (np.sign(axes[0]) != np.sign(axes[1])).all()
+    recording = recorded(tmp_path / "rec", rig=rig, count=2, box_frames=2)
+    degrees, _, at_the_middle = errors_against_truth(recording, calibrate_recording(recording))
+    assert degrees < 0.3
+    assert at_the_middle < 0.8
 
 
 def test_symmetries_are_rotations_that_lay_the_box_upon_itself() -> None:
