@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.toy_anatomy import toy_anatomy
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import carried
-from track.evaluation.paper import run_case, section
+from track.evaluation.paper import ON_REAL_ANATOMY, on_real_anatomy, run_case, section
 
 
 def counting(runs: list[str]) -> Experiment:
@@ -52,3 +53,13 @@ def test_a_pose_carried_there_and_back_is_the_same() -> None:
     turn = np.array([[0.0, -1.0, 0.0, 0.3], [1.0, 0.0, 0.0, -0.2], [0.0, 0.0, 1.0, 0.1], [0.0, 0.0, 0.0, 1.0]])
     back = carried(anatomy, carried(anatomy, thetas, turn), np.linalg.inv(turn))
     np.testing.assert_allclose(back, thetas, atol=1e-12)
+
+
+def test_experiments_on_real_anatomy_are_left_out_with_a_reason_where_it_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert on_real_anatomy(None) == on_real_anatomy(tmp_path / "nowhere") == []
+    told = "".join(capsys.readouterr().out.split())
+    assert "no--anatomy-datagiven" in told
+    assert "nosuchfolder" in told
+    assert [experiment.name for experiment in on_real_anatomy(tmp_path)] == list(ON_REAL_ANATOMY)

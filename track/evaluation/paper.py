@@ -1,6 +1,6 @@
 """The paper's experiments, redone with a truth that its authors could not have.
 
-    python -m track.evaluation.paper --out DIR [--only NAME ...] [--page docs/evaluation.md]
+    python -m track.evaluation.paper --out DIR [--only NAME ...] [--anatomy-data DIR] [--page docs/evaluation.md]
 
 A heavy evaluation, not a test. Each case's result is a file DIR/EXPERIMENT/CASE.json; a run that was cut short
 goes on. The page is written from what has been run.
@@ -9,13 +9,24 @@ goes on. The page is written from what has been run.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from track.evaluation.experiments import bend_and_twist, faults, forearm, handles, poses, sensitivity, skin, starts
+from track.evaluation.experiments import (
+    bend_and_twist,
+    faults,
+    forearm,
+    handles,
+    poses,
+    real_bones,
+    sensitivity,
+    skin,
+    starts,
+)
 from track.evaluation.experiments.experiment import Experiment, Result
 
 EXPERIMENTS: tuple[Experiment, ...] = (
@@ -28,6 +39,11 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     sensitivity.EXPERIMENT,
     faults.EXPERIMENT,
 )
+ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
+    real_bones.NAME: real_bones.experiment,
+}
+"""Made of real people's surfaces, which stand in a folder outside the project."""
+NAMES = (*(experiment.name for experiment in EXPERIMENTS), *ON_REAL_ANATOMY)
 
 
 def run_case(experiment: Experiment, case: str, out: Path) -> Result:
@@ -49,15 +65,30 @@ def section(experiment: Experiment, results: dict[str, Result], images: Path) ->
     return f"## {experiment.title}\n\n{experiment.describe(results, images).strip()}\n"
 
 
+def on_real_anatomy(data: Path | None) -> list[Experiment]:
+    """The experiments on real anatomy; none, and a line that says why, where its folder is not there."""
+    if data is None or not data.is_dir():
+        why = "no --anatomy-data given" if data is None else f"{data}: no such folder"
+        stdout.print(f"skipped: {', '.join(ON_REAL_ANATOMY)} ({why})", markup=False, highlight=False)
+        return []
+    return [experiment(data) for experiment in ON_REAL_ANATOMY.values()]
+
+
 @click.command()
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Results, case by case.")
-@click.option("--only", multiple=True, type=click.Choice([e.name for e in EXPERIMENTS]), help="Some experiments.")
+@click.option(
+    "--only",
+    multiple=True,
+    type=click.Choice([*(e.name for e in EXPERIMENTS), *ON_REAL_ANATOMY]),
+    help="Some experiments.",
+)
 @click.option("--cases", type=int, help="At most so many cases of each.")
+@click.option("--anatomy-data", type=click.Path(path_type=Path, file_okay=False), help="Folder of real anatomy.")
 @click.option("--page", type=click.Path(path_type=Path), help="The Markdown page to write; pictures go beside it.")
-def main(out: Path, only: tuple[str, ...], cases: int | None, page: Path | None) -> None:
+def main(out: Path, only: tuple[str, ...], cases: int | None, anatomy_data: Path | None, page: Path | None) -> None:
     """Run the experiments and write the page."""
     sections = []
-    for experiment in EXPERIMENTS:
+    for experiment in (*EXPERIMENTS, *on_real_anatomy(anatomy_data)):
         if only and experiment.name not in only:
             continue
         results = {case: run_case(experiment, case, out) for case in experiment.cases[:cases]}
