@@ -8,6 +8,7 @@ sensors counts and the choice of common frame does not.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -130,12 +131,12 @@ def read_truth(recording: Recording) -> Truth:
 
 def world_from_common(recording: Recording, truth: Truth) -> Floats:
     """Where the recording's common frame stands in the truth's world (4, 4): the mean over its sensors."""
-    guesses = np.array(
-        [
-            truth.world_from_sensor[sensor.name] @ inverse(world_from_sensor(recording, sensor.name))
-            for sensor in recording.sensors
-        ]
-    )
+    return world_of_sensors(recording, truth.world_from_sensor)
+
+
+def world_of_sensors(recording: Recording, known: Mapping[str, Floats]) -> Floats:
+    """The same (4, 4), given where each sensor stands in the world (4, 4)."""
+    guesses = np.array([known[s.name] @ inverse(world_from_sensor(recording, s.name)) for s in recording.sensors])
     rotation = Rotation.from_matrix(guesses[:, :3, :3]).mean().as_matrix()
     # The mean is taken where the sensors look, not at the far origin of a frame.
     middle = np.mean([world_from_sensor(recording, s.name) @ [0, 0, 1.2, 1] for s in recording.sensors], axis=0)

@@ -23,6 +23,7 @@ from track.evaluation.experiments import (
     handles,
     poses,
     real_bones,
+    real_person,
     sensitivity,
     skin,
     starts,
@@ -41,6 +42,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
 )
 ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
     real_bones.NAME: real_bones.experiment,
+    real_person.NAME: real_person.experiment,
 }
 """Made of real people's surfaces, which stand in a folder outside the project."""
 NAMES = (*(experiment.name for experiment in EXPERIMENTS), *ON_REAL_ANATOMY)

@@ -1,0 +1,379 @@
+"""One real man's limb in one pose: his skin recorded, our template adapted to it, its bones held against his.
+
+His surfaces (BodyParts3D) were segmented from magnetic resonance images and edited by illustrators. Some of his
+superficial bones lie 10 to 20 mm too deep; so what counts is what does not depend on depth.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.optimize import least_squares
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Floats, load_anatomy
+from adapt.build.meshes import Mesh, largest_part
+from adapt.fit.alternate import adapt_body
+from adapt.fit.correspondences import Target
+from adapt.fit.pose import fit_pose
+from adapt.fit.sample import sample_skin
+from adapt.fit.start import find_pose
+from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
+from capture.calibrate import calibrate_recording, write_calibration
+from capture.fuse import fuse, region_of_interest
+from capture.recording import Recording, instants, open_recording
+from capture.rigid import apply, inverse, transform
+from capture.simulate import simulate_recording
+from track.evaluation import known
+from track.evaluation.errors import distance_to_mesh, world_of_sensors
+from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
+from track.evaluation.experiments.surface_fit import fit_family, read_mesh, rigid
+from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
+
+NAME, TITLE = "real-person", "A real man's limbs, one pose"
+AIM_LENGTH_PERCENT, AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_DEPTH_FREE_MM = 3.0, 3.0, 8.0, 5.0
+SEEDS = (1, 2, 3)
+STARTS = ("first pose given", "first pose found")
+_START_DEG, _START_M = 6.0, 0.015  # how far off a given first pose is
+_FOLDER = "bodyparts3d"
+_WORLD_FROM_HIM = transform(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]), np.zeros(3))
+"""His axes are left, back, up; the world's are forward, up, right."""
+_SHAFT = 0.6  # the middle share of a long bone's length
+_HIS = (0.30, 0.62, 0.55)
+CREDIT = (
+    "BodyParts3D, (c) The Database Center for Life Science licensed under CC Attribution-Share Alike 2.1 Japan; "
+    "Z-Anatomy, CC BY-SA 4.0 - https://github.com/Z-Anatomy/Models-of-human-anatomy. This picture: CC BY-SA 4.0."
+)
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What is compared: joint centres as means of (our bone, our landmark) and of his landmarks; long bones."""
+
+    anatomy: str
+    folder: str
+    centres: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]]
+    bones: tuple[str, ...]
+    others: dict[tuple[str, str], str]  # more landmarks, ours and his, by which a person would set the first pose
+
+
+LIMBS = {
+    "arm": Limb(
+        "upper-limb-right",
+        "arm_r",
+        {
+            "shoulder": ((("humerus", "GH"),), ("humeral_head_centre",)),
+            "elbow": ((("humerus", "EM"), ("humerus", "EL")), ("medial_epicondyle", "lateral_epicondyle")),
+            "wrist": ((("ulna", "US"), ("radius", "RS")), ("ulnar_styloid", "radial_styloid")),
+        },
+        ("humerus", "ulna", "radius"),
+        {("hand", "MC2_head"): "second_metacarpal_head", ("hand", "MC5_head"): "fifth_metacarpal_head"},
+    ),
+    "leg": Limb(
+        "lower-limb-right",
+        "leg_r",
+        {
+            "hip": ((("femur", "HJC"),), ("femoral_head_centre",)),
+            "knee": ((("femur", "FME"), ("femur", "FLE")), ("medial_femoral_epicondyle", "lateral_femoral_epicondyle")),
+            "ankle": ((("tibia", "MM"), ("tibia", "LM")), ("medial_malleolus_tip", "lateral_malleolus_tip")),
+        },
+        ("femur", "tibia"),
+        {
+            ("pelvis", "ASIS"): "ASIS",
+            ("foot", "heel"): "heel_posterior_calcaneus",
+            ("foot", "MT2_head"): "second_metatarsal_head",
+        },
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class RealLimb:
+    """His skin, long bones, joint centres and landmarks, in the world (metres)."""
+
+    skin: Mesh
+    bones: dict[str, Mesh]
+    centres: dict[str, Floats]
+    landmarks: dict[str, Floats] = field(repr=False)
+
+
+def read_limb(limb: Limb, data: Path) -> RealLimb:
+    """His limb. The skin's cut is closed by flat pieces, which sensors then see where his trunk would be."""
+    folder = data / _FOLDER / limb.folder
+    text = (folder / "landmarks.json").read_text(encoding="utf-8")
+    points = {name: apply(_WORLD_FROM_HIM, np.array([at]))[0] for name, at in json.loads(text)["landmarks"].items()}
+    return RealLimb(
+        closed(_in_world(read_mesh(folder / "skin.ply"))),
+        {name: _in_world(read_mesh(folder / "bones" / f"{name}.ply")) for name in limb.bones},
+        {joint: np.mean([points[name] for name in his], axis=0) for joint, (_, his) in limb.centres.items()},
+        points,
+    )
+
+
+def closed(mesh: Mesh) -> Mesh:
+    """The mesh with every hole filled by a fan about the middle of its edge."""
+    halves = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    _, index, count = np.unique(np.sort(halves, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edge = halves[count[index] == 1]
+    n = len(mesh.vertices)
+    _, label = connected_components(sparse.coo_matrix((np.ones(len(edge)), edge.T), shape=(n, n)), directed=False)
+    holes, hole = np.unique(label[edge[:, 0]], return_inverse=True)
+    middles = [mesh.vertices[np.unique(edge[hole == k])].mean(axis=0) for k in range(len(holes))]
+    fans = np.column_stack([edge[:, ::-1], n + hole])
+    return Mesh(np.concatenate([mesh.vertices, *(m[None] for m in middles)]), np.concatenate([mesh.faces, fans]))
+
+
+def _in_world(mesh: Mesh) -> Mesh:
+    return Mesh(apply(_WORLD_FROM_HIM, mesh.vertices), mesh.faces)
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """Our body, as found, in the world."""
+
+    skin: Mesh
+    bones: dict[str, Mesh]
+    centres: dict[str, Floats] = field(repr=False)
+
+
+def run(case: str, folder: Path, *, data: Path) -> Result:
+    """Record his skin for an instant, adapt to it from a first pose, and compare."""
+    name, seed = case.split()[0], int(case.split()[-1])
+    limb = LIMBS[name]
+    him = read_limb(limb, data)
+    recording, world_from_common = _record(him.skin, folder / "recording", seed=seed)
+    target = Target(fuse(recording, instants(recording)[0], region=region_of_interest(recording)))
+    body = make_body(load_anatomy(limb.anatomy))
+    by_hand = _off(_pose_by_landmarks(body, limb, him, inverse(world_from_common)), body, np.random.default_rng(seed))
+    found: dict[str, Posed] = {}
+    for start, theta in zip(STARTS, (by_hand, find_pose(body, target, seed=seed).fit.theta), strict=True):
+        fit = fit_pose(body, target, theta, sample_skin(body.anatomy))
+        found[f"posed, {start}"] = posed(body, fit.theta, limb, world_from_common)
+        adaptation = adapt_body(body, [target], theta[None])
+        found[f"adapted, {start}"] = posed(adaptation.body, adaptation.thetas[0], limb, world_from_common)
+    save_png(picture(him, found[f"adapted, {STARTS[0]}"]), folder / "bones.png")
+    save_png(picture(him, found[f"adapted, {STARTS[1]}"]), folder / "bones-searched.png")
+    return {"picture": str(folder / "bones.png"), "ways": {way: compared(ours, him) for way, ours in found.items()}}
+
+
+def _pose_by_landmarks(body: Body, limb: Limb, him: RealLimb, common_from_world: Floats) -> Floats:
+    """The pose (n,) that brings the template's landmarks closest to his."""
+    pairs = [pair for ours, his in limb.centres.values() for pair in zip(ours, his, strict=True)]
+    pairs += list(limb.others.items())
+    ours = np.array([body.p.value[body.anatomy.landmark_index(name)] for (_, name), _ in pairs])
+    his = apply(common_from_world, np.array([him.landmarks[name] for _, name in pairs]))
+    rest = rest_theta(body)
+
+    def carried(theta: Floats) -> Floats:
+        moved = bone_transforms(body, theta)
+        return np.asarray([apply(moved[bone], at[None])[0] for ((bone, _), _), at in zip(pairs, ours, strict=True)])
+
+    turn, _ = Rotation.align_vectors(his - his.mean(axis=0), ours - ours.mean(axis=0))
+    laid = transform(turn.as_matrix(), his.mean(axis=0) - turn.apply(ours.mean(axis=0)))
+    start = known.carried(body.anatomy, rest[None], laid)[0]
+    inside = np.array([(c.low + 1e-6, c.high - 1e-6) for c in body.anatomy.coordinates]).T
+
+    def off(theta: Floats) -> Floats:
+        return np.asarray(carried(theta) - his).ravel()
+
+    found = least_squares(off, np.clip(start, inside[0], inside[1]), bounds=(inside[0], inside[1]))
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def _off(theta: Floats, body: Body, rng: np.random.Generator) -> Floats:
+    """The pose as a hand would set it: every coordinate off by up to a few degrees, or centimetres."""
+    scale = [_START_M if c.unit == "m" else np.deg2rad(_START_DEG) for c in body.anatomy.coordinates]
+    return np.asarray(theta + rng.uniform(-1.0, 1.0, len(scale)) * scale)
+
+
+def _record(skin: Mesh, out: Path, *, seed: int) -> tuple[Recording, Floats]:
+    """The calibrated recording of a skin that stands still, and where its common frame is in the world (4, 4)."""
+    simulate_recording(out, [skin.vertices], skin.faces, [0.0], noise=known.CARMINE, seed=seed, overwrite=True)
+    recording = open_recording(out)
+    write_calibration(recording, calibrate_recording(recording))
+    recording = open_recording(out)
+    with np.load(out / "truth.npz", allow_pickle=False) as truth:
+        sensors = dict(zip(truth["sensor_names"].tolist(), truth["world_from_sensor"], strict=True))
+    return recording, world_of_sensors(recording, sensors)
+
+
+def posed(body: Body, theta: Floats, limb: Limb, world_from_common: Floats) -> Posed:
+    """Our posed skin, long bones and centres, in the world."""
+    bones, carried = posed_bones(body, theta), bone_transforms(body, theta)
+
+    def landmark(bone: str, name: str) -> Floats:
+        at_rest = body.p.value[body.anatomy.landmark_index(name)]
+        return np.asarray(apply(world_from_common @ carried[bone], at_rest[None])[0])
+
+    return Posed(
+        Mesh(apply(world_from_common, pose_skin(body, theta)), body.anatomy.skin_faces),
+        {
+            name: largest_part(Mesh(apply(world_from_common, bones[name]), body.anatomy.bone(name).faces))
+            for name in limb.bones
+        },
+        {joint: np.mean([landmark(*at) for at in ours], axis=0) for joint, (ours, _) in limb.centres.items()},
+    )
+
+
+def compared(ours: Posed, him: RealLimb) -> Result:
+    """Errors of joint centres, lengths, shafts and surfaces; offsets are in the world's axes: forward, up, right."""
+    joints = list(him.centres)
+    between = {f"{a} to {b}": (a, b) for a, b in pairwise(joints)}
+    return {
+        "centres_mm": {joint: (1e3 * (ours.centres[joint] - him.centres[joint])).tolist() for joint in joints},
+        "distances_m": {
+            name: [float(np.linalg.norm(of.centres[a] - of.centres[b])) for of in (ours, him)]
+            for name, (a, b) in between.items()
+        },
+        "lengths_m": {name: [greatest_length(of.bones[name]) for of in (ours, him)] for name in him.bones},
+        "axes_deg": {name: _axis_error(ours.bones[name], bone) for name, bone in him.bones.items()},
+        "surfaces": {name: _surface_error(ours.bones[name], bone) for name, bone in him.bones.items()},
+    }
+
+
+def greatest_length(mesh: Mesh) -> float:
+    """The distance (m) of the two points farthest apart."""
+    return float(pdist(mesh.vertices[ConvexHull(mesh.vertices).vertices]).max())
+
+
+def shaft_axis(mesh: Mesh) -> Floats:
+    """The principal axis (3,) of the middle of a long bone."""
+    corners = mesh.vertices[mesh.faces]
+    middles, areas = corners.mean(axis=1), igl.doublearea(mesh.vertices, mesh.faces)
+    along = (middles - middles.mean(axis=0)) @ _principal_axis(middles, areas)
+    low, high = along.min(), along.max()
+    shaft = np.abs(along - (low + high) / 2.0) < _SHAFT * (high - low) / 2.0
+    return _principal_axis(middles[shaft], areas[shaft])
+
+
+def _principal_axis(points: Floats, weights: Floats) -> Floats:
+    return np.asarray(np.linalg.eigh(np.cov(points.T, aweights=weights))[1][:, -1])
+
+
+def _axis_error(ours: Mesh, his: Mesh) -> float:
+    between = float(np.linalg.norm(np.cross(shaft_axis(ours), shaft_axis(his))))
+    return float(np.rad2deg(np.arcsin(min(1.0, between))))
+
+
+def _surface_error(ours: Mesh, his: Mesh) -> dict[str, list[float]]:
+    """Mean, 95 % and maximum (mm) over the vertices of both, where they are and after the best rigid move of ours."""
+    there = distance_to_mesh(ours.vertices, his.vertices, his.faces)
+    back = distance_to_mesh(his.vertices, ours.vertices, ours.faces)
+    moved = fit_family(ours, rigid(ours), his).distances
+    return {"as it lies": _three(np.concatenate([there, back])), "moved rigidly": _three(moved)}
+
+
+def _three(distances: Floats) -> list[float]:
+    return [1e3 * float(value) for value in (distances.mean(), np.percentile(distances, 95), distances.max())]
+
+
+def picture(him: RealLimb, ours: Posed) -> NDArray[np.uint8]:
+    """His bones (green) and ours (bone) inside his skin, from the front and from the right."""
+    panels = []
+    for direction in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        eye = look_at(him.skin.vertices, direction, np.array([0.0, 1.0, 0.0]), distance_m=3.0)
+        camera = framing_camera(eye, him.skin.vertices, width=360, height=560)
+        layers = [Layer(him.skin.vertices, him.skin.faces, SKIN, 0.25)]
+        layers += [Layer(bone.vertices, bone.faces, _HIS, 0.8) for bone in him.bones.values()]
+        layers += [Layer(bone.vertices, bone.faces, BONE, 0.8) for bone in ours.bones.values()]
+        panels.append(render(layers, eye, camera))
+    return np.concatenate(panels, axis=1)
+
+
+def describe(results: Mapping[str, Result], images: Path) -> str:
+    """A table and a picture for each limb."""
+    parts = []
+    for name in LIMBS:
+        of_limb = {case: result for case, result in results.items() if case.split()[0] == name}
+        if of_limb:
+            parts.append(f"### {name.capitalize()}\n\n{_table(of_limb)}\n{_figure(name, of_limb, images)}")
+    return f"""One man (n = 1: one person, one pose, and he stands with his arm hanging and his knee straight):
+his skin, bones and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part of his
+chest, or of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single
+instant, once from a first pose as a hand would give it (his landmarks', off by up to {_START_DEG:g} degrees and
+{100 * _START_M:g} cm), once from one found by search.
+
+His superficial bones lie 10 to 20 mm too deep (his kneecap's front lies 26 mm under his skin), so an error forward or
+backward there is as much his as ours: "without depth" leaves that direction out. Landmarks of his bones are good to 2
+or 3 mm. Bone surfaces are compared where they lie and after the rigid move that fits best. Aims: lengths within
+{AIM_LENGTH_PERCENT:g} %, shafts within {AIM_AXIS_DEG:g} degrees, joint centres within {AIM_CENTRE_MM:g} mm, without
+depth {AIM_DEPTH_FREE_MM:g} mm; **bold** where the mean misses them. Numbers are mean ± SD (maximum) over
+seeds of noise and of the given pose's error; surfaces are mean / 95 % / maximum.
+
+{chr(10).join(parts)}
+"""
+
+
+def _table(results: Mapping[str, Result]) -> str:
+    scores = [result["ways"] for result in results.values()]
+    ways = list(scores[0])
+    rows = [[f"error ({', '.join(case.split(maxsplit=1)[1] for case in results)})", *ways]]
+    measured = {way: [_measures(score[way]) for score in scores] for way in ways}
+    for title, (_, aim) in measured[ways[0]][0].items():
+        values = [np.array([measures[title][0] for measures in measured[way]]) for way in ways]
+        rows.append([title, *(_marked(summary(all_of, digits=1), missed=all_of.mean() > aim) for all_of in values)])
+    for name, kinds in scores[0][ways[0]]["surfaces"].items():
+        for kind in kinds:
+            means = [np.mean([score[way]["surfaces"][name][kind] for score in scores], axis=0) for way in ways]
+            cells = [" / ".join(f"{value:.1f}" for value in mean) for mean in means]
+            rows.append([f"surface of the {name}, {kind} (mm)", *cells])
+    return markdown_table(rows)
+
+
+def _measures(score: Result) -> dict[str, tuple[float, float]]:
+    """What was measured, and the aim for it, by title."""
+    measures: dict[str, tuple[float, float]] = {}
+    for joint, offset in score["centres_mm"].items():
+        measures[f"{joint} centre (mm)"] = _size(offset), AIM_CENTRE_MM
+        measures[f"{joint} centre without depth (mm)"] = _size(offset[1:]), AIM_DEPTH_FREE_MM
+    for name, lengths in score["distances_m"].items():
+        measures[f"{name} (%)"] = _percent(*lengths), AIM_LENGTH_PERCENT
+    for name, lengths in score["lengths_m"].items():
+        measures[f"length of the {name} (%)"] = _percent(*lengths), AIM_LENGTH_PERCENT
+        measures[f"shaft of the {name} (deg)"] = score["axes_deg"][name], AIM_AXIS_DEG
+    return measures
+
+
+def _size(offset: Sequence[float]) -> float:
+    return float(np.linalg.norm(offset))
+
+
+def _percent(ours: float, his: float) -> float:
+    return 100.0 * abs(ours / his - 1.0)
+
+
+def _marked(cell: str, *, missed: bool | np.bool_) -> str:
+    return f"**{cell}**" if missed else cell
+
+
+def _figure(name: str, results: Mapping[str, Result], images: Path) -> str:
+    drawn = Path(next(iter(results.values()))["picture"])
+    if not drawn.is_file():
+        return ""
+    images.mkdir(parents=True, exist_ok=True)
+    shutil.copy(drawn, images / f"real-{name}.png")
+    return f"""
+![His bones and ours inside his skin](images/real-{name}.png)
+
+His bones (green) and ours (bone) inside his skin, adapted from a given first pose; from the front, from the right.
+{CREDIT}
+"""
+
+
+def experiment(data: Path) -> Experiment:
+    """The experiment on the man below ``data``."""
+    cases = tuple(f"{name} seed {seed}" for seed in SEEDS for name in LIMBS)
+    return Experiment(NAME, TITLE, cases, partial(run, data=data), describe)
