@@ -37,7 +37,18 @@ def test_the_example_in_python_runs_and_finds_the_arm(limb, tmp_path, capsys):
 
 def test_the_site_builds_without_a_warning(tmp_path):
     pytest.importorskip("material", reason="needs pip install '.[docs]'")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    command = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "-f",
+        ".mkdocs.yml",
+        "--strict",
+        "--quiet",
+        "--site-dir",
+        str(tmp_path / "site"),
+    ]
     ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (tmp_path / "site" / "first-steps" / "index.html").is_file()
