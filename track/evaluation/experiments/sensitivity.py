@@ -26,7 +26,7 @@ from track.evaluation.things import Thing, ball_in_hand, board
 from track.run import track_recording
 
 _SECONDS = 2.0
-_BEFORE_M, _BOARD_M = 0.3, 0.10  # the board stands so far before the joint, towards the first sensor
+_BEFORE_M, _BOARD_M = 0.3, 0.20  # the board stands so far before the joint, towards the first sensor
 _BALL_M, _PALM_M = 0.035, 0.015  # radius, and from the knuckles' middle to the palm
 _RIGS: dict[int, tuple[float, tuple[float, ...]]] = {
     1: (0.0, (18.0,)),
