@@ -301,8 +301,8 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
         if of_limb:
             parts.append(f"### {name.capitalize()}\n\n{_table(of_limb)}\n{_figure(name, of_limb, images)}")
     return f"""One man (n = 1: one person, one pose, and he stands with his arm hanging and his knee straight):
-his skin, bones and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part of
-his chest, or of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single
+his skin, bones and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part
+of his chest, or of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single
 instant, once from a first pose as a hand would give it (his landmarks', off by up to {_START_DEG:g} degrees and
 {100 * _START_M:g} cm), once from one found by search.
 
