@@ -36,8 +36,10 @@ def main() -> None:
         for coordinate, degrees in poses:
             theta = rest_theta(body)
             theta[body.anatomy.coordinate_index(coordinate)] = np.deg2rad(degrees)
+            rest = rest_theta(body)
+            thetas = rest + np.linspace(0.0, 1.0, 9)[:, None] * (theta - rest)  # a motion from rest to there
             for steps in (1, STEPS):
-                gap = skin_gap(linear_skin(body, steps=steps), [theta])
+                gap = skin_gap(linear_skin(body, thetas, steps=steps), [theta])
                 cells = (f"{1e3 * gap.mean_m:.2f}", f"{1e3 * gap.largest_m:.1f}")
                 shown.add_row(coordinate, f"{degrees:.0f}", str(steps - 1), *cells)
     stdout.print(shown)

@@ -55,12 +55,15 @@ def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
     """
     if not motion.tracked.any():
         raise MotionError("no frame was tracked", remedy="a motion without a pose cannot be animated")
-    skin, glb = linear_skin(subject.body), Glb()
+    thetas = motion.thetas[motion.tracked]
+    skin, glb = linear_skin(subject.body, thetas), Glb()
     nodes = _joint_nodes(skin)
     meshes = [_skin_mesh(glb, skin), *_bone_meshes(glb, skin)]
     bone_nodes = _attach_bones(skin, nodes)
     nodes.append({"name": "skin", "mesh": 0, "skin": 0})
-    channels = _joint_channels(glb, skin, motion) + _bone_channels(glb, motion, bone_nodes)
+    channels = _joint_channels(glb, skin, motion.times[motion.tracked] - motion.times[0], thetas) + _bone_channels(
+        glb, motion, bone_nodes
+    )
     document = {
         "asset": {"version": "2.0", "generator": "bonetrack"},
         "extras": {"anatomy": motion.anatomy, "lost_frames": np.flatnonzero(~motion.tracked).tolist()},
@@ -85,7 +88,7 @@ def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
     }
     glb.write(path, document)
     hidden = (~motion.shown).any(axis=1) & motion.tracked
-    error = skin_gap(skin, motion.thetas[motion.tracked])
+    error = skin_gap(skin, thetas)
     worst = int(np.flatnonzero(motion.tracked)[error.worst_pose])
     return GltfReport(error, worst, int((~motion.tracked).sum()), int(hidden.sum()))
 
@@ -94,7 +97,7 @@ def _joint_nodes(skin: LinearSkin) -> list[dict[str, Any]]:
     """A node for every joint, at rest, with its children."""
     nodes: list[dict[str, Any]] = []
     for k, (name, local) in enumerate(zip(skin.names, _local(skin, skin.rest), strict=True)):
-        translation, rotation = _parts(local)
+        translation, rotation, _ = _parts(local)
         node = {"name": name, "translation": translation.tolist(), "rotation": rotation.tolist()}
         children = [child for child, parent in enumerate(skin.parents) if parent == k]
         nodes.append(node | ({"children": children} if children else {}))
@@ -140,15 +143,20 @@ def _mesh(glb: Glb, name: str, vertices: Floats, faces: Ints, material: int) -> 
     return {"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material}]}
 
 
-def _joint_channels(glb: Glb, skin: LinearSkin, motion: Motion) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Keys of every joint in the frames that were tracked: pairs of a sampler and its target."""
-    times = glb.add(motion.times[motion.tracked] - motion.times[0], bounds=True)
-    frames = np.array([_local(skin, skin.frames(theta)) for theta in motion.thetas[motion.tracked]])
+def _joint_channels(
+    glb: Glb, skin: LinearSkin, times: Floats, thetas: Floats
+) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Keys of every joint at times (T,) s with poses (T, n): pairs of a sampler and its target."""
+    keys = glb.add(times, bounds=True)
+    frames = np.array([_local(skin, skin.frames(theta)) for theta in thetas])
     channels = []
     for k in range(len(skin.names)):
-        translation, rotation = _parts(frames[:, k])
-        for part, values in (("translation", translation), ("rotation", _continuous(rotation))):
-            sampler = {"input": times, "interpolation": "LINEAR", "output": glb.add(values)}
+        translation, rotation, scale = _parts(frames[:, k])
+        parts = {"translation": translation, "rotation": _continuous(rotation)}
+        if not np.allclose(scale, 1.0, atol=1e-6):
+            parts["scale"] = scale
+        for part, values in parts.items():
+            sampler = {"input": keys, "interpolation": "LINEAR", "output": glb.add(values)}
             channels.append((sampler, {"node": k, "path": part}))
     return channels
 
@@ -173,9 +181,12 @@ def _local(skin: LinearSkin, frames: Floats) -> Floats:
     return np.array([f if k is None else inverse(frames[k]) @ f for f, k in zip(frames, skin.parents, strict=True)])
 
 
-def _parts(transforms: Floats) -> tuple[Floats, Floats]:
-    """Translations (..., 3) and unit quaternions x, y, z, w (..., 4) of transforms (..., 4, 4)."""
-    return transforms[..., :3, 3], np.asarray(Rotation.from_matrix(transforms[..., :3, :3]).as_quat())
+def _parts(transforms: Floats) -> tuple[Floats, Floats, Floats]:
+    """Translations (..., 3), unit quaternions x, y, z, w (..., 4) and scales (..., 3) of transforms (..., 4, 4)."""
+    turned = transforms[..., :3, :3]
+    scale = np.linalg.norm(turned, axis=-2)
+    rotation = Rotation.from_matrix(turned / scale[..., None, :]).as_quat()
+    return transforms[..., :3, 3], np.asarray(rotation), np.asarray(scale)
 
 
 def _continuous(quaternions: Floats) -> Floats:

@@ -3,8 +3,12 @@
 Each of our bones is a joint. Where a deformer turns skin bit by bit from one bone to the next (a forearm's twist, a
 bend), linear blending of the two bones alone would collapse the skin. So helper joints stand between them, at
 t = 1/8, 2/8, ... 7/8 of the turn: each is the frame that the deformer itself puts there, and a vertex hangs on the two
-frames on either side of its own t. What this leaves out (four joints a vertex; the evasion of tissue inside a bend)
-is measured against the model's own skin.
+frames on either side of its own t.
+
+Inside a bend tissue also swells away from the limb's axis, each vertex by its own gain g_i(theta). Each helper of a
+bend has a twin that is scaled across the axis by 1 + G(theta), and a vertex hangs on the twins by its share b_i in
+[0, 1]: min over b, G of the sum over vertices and some poses of |r_i (g_i(theta) - b_i G(theta))|^2, with r_i the
+distance from the axis: the first singular vectors. What all this leaves out is measured against the model's own skin.
 """
 
 from __future__ import annotations
@@ -14,34 +18,60 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from adapt.anatomy import Floats, Ints
+from adapt.anatomy import Deformer, Floats, Ints
 from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest_theta
-from adapt.model.deformers.bend import BoundBend
+from adapt.model.deformers.bend import BoundBend, swelling
 from adapt.model.deformers.between import blended_frames
 from adapt.model.deformers.forearm import BoundForearm
+from adapt.model.frames import frame_from_landmarks
 from adapt.model.variation import Motion, Points, compose
 
 STEPS = 8
 """Pieces that a deformer's turn is cut into: of a turn by 160 degrees, each blends linearly over 20."""
 INFLUENCES = 4
 """Joints a vertex may hang on: what one set of glTF's attributes holds, and what engines expect."""
+_NOTHING_M = 1e-6  # what swells less in all poses does not
+_POSES = 40  # that the shares of a bend's twins are fitted to
+
+
+@dataclass(frozen=True, eq=False)
+class _Swelling:
+    """How tissue swells inside a bend: points (M,) of it, their distances r (M,) m from the axis and shares b (M,)."""
+
+    bound: BoundBend
+    reach: Floats
+    share: Floats
+
+    def gain(self, motions: tuple[Motion, Motion]) -> float:
+        """G: what serves the points best."""
+        weights = self.share * self.reach**2
+        whole = float(weights @ self.share)
+        return float(weights @ swelling(self.bound, motions)) / whole if whole else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Span:
-    """The frames of a deformer between two bones: where they stand at rest on each, and at which ``t``."""
+    """The frames of a deformer between two bones: where they stand at rest on each, and at which ``t``.
+
+    A bend's have their y axis along the limb, and twins that swell.
+    """
 
     bones: tuple[str, str]
     ends: tuple[Motion, Motion]
     t: Floats
+    swelling: _Swelling | None
 
     def frames(self, transforms: dict[str, Floats]) -> Floats:
-        """The helper joints' frames (N, 4, 4) where the bones have moved by ``transforms`` (4, 4)."""
-        first, second = (compose(_still(transforms[b]), e) for b, e in zip(self.bones, self.ends, strict=True))
-        between = blended_frames(first, second, self.t, np.zeros((len(self.t), 0)))
+        """The helper joints' frames (N, 4, 4), twins last, where the bones have moved by ``transforms`` (4, 4)."""
+        first, second = motions = _motions(self.bones, transforms)
+        moved = (compose(first, self.ends[0]), compose(second, self.ends[1]))
+        between = blended_frames(*moved, self.t, np.zeros((len(self.t), 0)))
         frames = np.tile(np.eye(4), (len(self.t), 1, 1))
         frames[:, :3, :3], frames[:, :3, 3] = between.rotation, between.origin
-        return frames
+        if self.swelling is None:
+            return frames
+        scale = 1.0 + self.swelling.gain(motions)
+        return np.concatenate([frames, frames @ np.diag([scale, 1.0, scale, 1.0])])
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +91,7 @@ class LinearSkin:
     spans: tuple[_Span, ...] = field(repr=False)
 
     def frames(self, theta: Floats) -> Floats:
-        """The joints' frames (J, 4, 4) in a pose (n,)."""
+        """The joints' frames (J, 4, 4) in a pose (n,): rigid, but for the twins' scales."""
         transforms = bone_transforms(self.body, theta)
         moved = np.array([transforms[bone.name] for bone in self.body.anatomy.bones])
         return np.concatenate([moved @ self.rest[: len(moved)], *(span.frames(transforms) for span in self.spans)])
@@ -85,8 +115,8 @@ class SkinGap:
     worst_pose: int
 
 
-def linear_skin(body: Body, *, steps: int = STEPS) -> LinearSkin:
-    """Joints and weights for a body's skin; a deformer's turn is cut into ``steps`` by one helper joint less."""
+def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin:
+    """Joints and weights for a body's skin, to serve poses (T, n); a turn is cut into ``steps``."""
     bones = [bone.name for bone in body.anatomy.bones]
     parents = {joint.child: joint.parent for joint in body.anatomy.joints}
     names, hangs_on = list(bones), [parents[name] for name in bones]
@@ -97,13 +127,18 @@ def linear_skin(body: Body, *, steps: int = STEPS) -> LinearSkin:
         if isinstance(bound, Points):
             weights[:, bones.index(deformer.bones[0])] += share
             continue
-        first, second = deformer.bones
-        helpers = range(len(names), len(names) + steps - 1)
-        names += [f"{deformer.name}_{k + 1}_of_{steps}" for k in range(len(helpers))]
-        hangs_on += [first] * len(helpers)
+        span, twin = _span(body, deformer, bound, share, thetas, steps)
+        helpers = [f"{deformer.name}_{k}_of_{steps}" for k in range(1, steps)]
+        if span.swelling is not None:
+            helpers += [f"{name}_swelling" for name in helpers]
+        first, second = (bones.index(name) for name in span.bones)
+        own = list(range(len(names), len(names) + len(helpers)))
+        columns = [first, *own[: steps - 1], second]
+        twins = [first, *(own[steps - 1 :] or own), second]
+        names, hangs_on = names + helpers, hangs_on + [span.bones[0]] * len(helpers)
         weights = np.pad(weights, ((0, 0), (0, len(helpers))))
-        _hang(weights, [bones.index(first), *helpers, bones.index(second)], bound.t, share)
-        spans.append(_Span((first, second), _ends(bound), np.arange(1, steps) / steps))
+        _hang(weights, columns, twins, bound.t, share, twin)
+        spans.append(span)
     at_rest = bone_frames(body, rest_theta(body))
     still = {name: np.eye(4) for name in bones}
     rest = np.concatenate([np.array([at_rest[name] for name in bones]), *(span.frames(still) for span in spans)])
@@ -121,13 +156,39 @@ def skin_gap(skin: LinearSkin, thetas: Iterable[Floats]) -> SkinGap:
     return SkinGap(float(np.mean(means)), float(np.max(largest)), int(np.argmax(largest)))
 
 
-def _ends(bound: BoundForearm | BoundBend) -> tuple[Motion, Motion]:
-    """The two frames at rest that a deformer blends between: a forearm's own, or the recording's axes at a joint."""
+def _span(
+    body: Body, deformer: Deformer, bound: BoundForearm | BoundBend, weight: Floats, thetas: Floats, steps: int
+) -> tuple[_Span, Floats]:
+    """The frames between a deformer's bones, and by which share (V,) each vertex hangs on their twins."""
+    first, second = deformer.bones
+    t, twin = np.arange(1, steps) / steps, np.zeros(len(weight))
     if isinstance(bound, BoundForearm):
-        return _still(bound.proximal.matrix()), _still(bound.distal.matrix())
-    centre = np.eye(4)
-    centre[:3, 3] = bound.centre.value[0]
-    return _still(centre), _still(centre)
+        ends = (_still(bound.proximal.matrix()), _still(bound.distal.matrix()))
+        return _Span((first, second), ends, t, None), twin
+    rows = np.flatnonzero((bound.t > 0.0) & (bound.t < 1.0) & (weight > 0.0))
+    swell = _swelling(body, (first, second), bound.at(rows), thetas) if steps > 1 else None
+    if swell is not None:
+        twin[rows] = swell.share
+    centre = _still(frame_from_landmarks(body.anatomy, deformer.frames[2], body.p).matrix())  # y along the limb
+    return _Span((first, second), (centre, centre), t, swell), twin
+
+
+def _swelling(body: Body, bones: tuple[str, str], bound: BoundBend, thetas: Floats) -> _Swelling:
+    """Shares that serve the poses (T, n) best."""
+    picks = np.unique(np.linspace(0, len(thetas) - 1, min(_POSES, len(thetas))).round().astype(int))
+    motions = [_motions(bones, bone_transforms(body, theta)) for theta in thetas[picks]]
+    gains = np.array([swelling(bound, moved) for moved in motions])
+    arm, axis = bound.skin.value - bound.centre.value, bound.axis.value[0]
+    reach = np.maximum(np.linalg.norm(np.cross(arm, axis), axis=1), 1e-6)
+    if np.abs(gains * reach).max(initial=0.0) < _NOTHING_M:
+        return _Swelling(bound, reach, np.zeros(len(reach)))
+    share = np.linalg.svd(gains * reach, full_matrices=False)[2][0] / reach
+    share *= np.sign(share[np.abs(share * reach).argmax()])
+    return _Swelling(bound, reach, np.clip(share / max(float(share.max()), 1e-12), 0.0, 1.0))
+
+
+def _motions(bones: tuple[str, str], transforms: dict[str, Floats]) -> tuple[Motion, Motion]:
+    return _still(transforms[bones[0]]), _still(transforms[bones[1]])
 
 
 def _still(matrix: Floats) -> Motion:
@@ -135,13 +196,21 @@ def _still(matrix: Floats) -> Motion:
     return Motion(matrix[:3, :3], matrix[:3, 3], np.zeros((3, 0)), np.zeros((3, 0)))
 
 
-def _hang(weights: Floats, columns: list[int], t: Floats, share: Floats) -> None:
-    """Give the ``share`` (V,) of each vertex to the two of the columns on either side of its ``t`` (V,)."""
-    rows, column, steps = np.arange(len(t)), np.array(columns), len(columns) - 1
+def _hang(weights: Floats, columns: list[int], twins: list[int], t: Floats, share: Floats, twin: Floats) -> None:
+    """Give the ``share`` (V,) of each vertex to the columns on either side of its ``t`` (V,), ``twin`` (V,) to twins.
+
+    Bones have no twins: next to a bone all of that goes to the other side's twin, as far as that side has weight.
+    """
+    rows, plain, swollen, steps = np.arange(len(t)), np.array(columns), np.array(twins), len(columns) - 1
     below = np.minimum((t * steps).astype(int), steps - 1)
     beyond = t * steps - below
-    weights[rows, column[below]] += share * (1.0 - beyond)
-    weights[rows, column[below + 1]] += share * beyond
+    first, last = below == 0, below == steps - 1
+    above_twin = np.select([last, first], [0.0, np.minimum(twin, beyond)], twin * beyond)
+    below_twin = np.select([first, last], [0.0, np.minimum(twin, 1.0 - beyond)], twin * (1.0 - beyond))
+    weights[rows, plain[below]] += share * (1.0 - beyond - below_twin)
+    weights[rows, plain[below + 1]] += share * (beyond - above_twin)
+    weights[rows, swollen[below]] += share * below_twin
+    weights[rows, swollen[below + 1]] += share * above_twin
 
 
 def _strongest(weights: Floats) -> tuple[Ints, Floats]:

@@ -98,6 +98,14 @@ def carry_bend(bound: BoundBend, motions: tuple[Motion, Motion]) -> Points:
     return Points(value, d)
 
 
+def swelling(bound: BoundBend, motions: tuple[Motion, Motion]) -> Floats:
+    """k - 1 (N,) of the bound points: by how much of its distance from the limb's axis tissue evades outwards."""
+    u = bound.axis.value[0]
+    arm, bare = _squeezed(bound, _turn_at_rest(*motions)).value, bound.skin.value - bound.centre.value
+    across = bare - np.outer(bare @ u, u)
+    return np.asarray(np.einsum("ij,ij->i", arm - bare, across) / np.maximum((across**2).sum(axis=1), 1e-12))
+
+
 def _beyond(plane: Motion, skin: Points) -> tuple[Floats, Floats]:
     """How far (N,) in m points lie beyond the plane through a frame's origin along its y axis; (N, n)."""
     normal, d_normal = _y_axis(plane)
