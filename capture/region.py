@@ -3,14 +3,17 @@
 A person is near, large and bounded by jumps in depth; floors and walls are large planes. So planes are taken away,
 what is left falls apart into patches at its depth jumps, and the nearest large patch is kept together with the
 patches close to it (a forearm in front of the chest is a patch of its own, and so is a fist towards the sensor).
+Where somebody else is in view, images may disagree about who is nearest; then the area that they show decides.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from capture.background import large_planes, some_of, without_planes
@@ -43,54 +46,92 @@ def automatic_region(recording: Recording, at: Sequence[Instant] | None = None) 
         every = instants(recording)
         picks = np.unique(np.linspace(0, len(every) - 1, INSTANTS_LOOKED_AT).round().astype(int))
         at = [every[i] for i in picks]
-    corners = [corner for instant in at for corner in _corners(recording, instant)]
-    if not corners:
+    seen = [person for instant in at for person in _people_seen(recording, instant)]
+    if not seen:
         times = ", ".join(f"{instant.time_s:.2f}" for instant in at)
         raise CloudError(
             f"no person found in the frames at {times} s",
             where=recording.path,
             remedy="state the region in recording.json",
         )
-    return Region(np.min(corners, axis=0) - MARGIN_M, np.max(corners, axis=0) + MARGIN_M)
+    subject = _subject(seen)
+    minimum, maximum = (np.stack([getattr(person, end) for person in subject]) for end in ("minimum", "maximum"))
+    return Region(minimum.min(axis=0) - MARGIN_M, maximum.max(axis=0) + MARGIN_M)
 
 
-def _corners(recording: Recording, instant: Instant) -> list[Floats]:
-    """Smallest and largest coordinates (3,) of what each sensor shows of the person."""
-    corners = []
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Smallest and largest coordinates (3,) of what one image shows of somebody, in the common frame."""
+
+    minimum: Floats
+    maximum: Floats
+    nearest_area_m2: float  # 0 for all but the nearest in the image
+
+
+def _people_seen(recording: Recording, instant: Instant) -> list[_Seen]:
+    seen = []
     for name, frame in instant.frames.items():
         sensor = recording.sensor(name)
-        points = person_points(read_depth(sensor, frame), sensor)
-        if len(points):
+        for number, (area, points) in enumerate(_people(read_depth(sensor, frame), sensor)):
             world = apply(world_from_sensor(recording, name), points)
-            corners += [world.min(axis=0), world.max(axis=0)]
-    return corners
+            seen.append(_Seen(world.min(axis=0), world.max(axis=0), 0.0 if number else area))
+    return seen
+
+
+def _subject(seen: list[_Seen]) -> list[_Seen]:
+    """Of all that the images show, what belongs to the one who is nearest in most of them, by the area that they show.
+
+    Boxes that come close to each other at any time are of one person: a bystander must keep his distance.
+    """
+    low, high = np.stack([person.minimum for person in seen]), np.stack([person.maximum for person in seen])
+    gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
+    _, labels = connected_components(gap < _REACH_M, directed=False)
+    area = np.bincount(labels, weights=[person.nearest_area_m2 for person in seen])
+    return [person for person, label in zip(seen, labels, strict=True) if label == area.argmax()]
 
 
 def person_points(depth: Image, sensor: Sensor) -> Floats:
-    """Points (N, 3) (m, sensor frame) of the person in a depth image (H, W) (m); none if nobody is there."""
+    """Points (N, 3) (m, sensor frame) of the nearest person in a depth image (H, W) (m); none if nobody is there."""
+    people = _people(depth, sensor)
+    return people[0][1] if people else np.zeros((0, 3))
+
+
+def _people(depth: Image, sensor: Sensor) -> list[tuple[float, Floats]]:
+    """Area (m^2) and points (N, 3) (m, sensor frame) of each person in a depth image (H, W) (m), nearest first."""
     camera = sensor.camera
     depth = clean_depth(depth, camera)
     depth = without_planes(depth, camera, large_planes(depth, camera))
     patches = _large_patches(depth, camera)
-    if not patches:
-        return np.zeros((0, 3))
-    largest = max(area for area, _ in patches)
+    least = _MAIN_PATCH_SHARE * max((area for area, _ in patches), default=0.0)
+    people = []
+    while any(area >= least for area, _ in patches):
+        person, patches = _nearest_person(patches, least)
+        people.append(person)
+    return people
+
+
+def _nearest_person(
+    patches: list[tuple[float, Floats]], least_m2: float
+) -> tuple[tuple[float, Floats], list[tuple[float, Floats]]]:
+    """The nearest patch of at least an area together with the patches close to it, and the patches that are left."""
     main = min(
-        (i for i, (area, _) in enumerate(patches) if area >= _MAIN_PATCH_SHARE * largest),
+        (i for i, (area, _) in enumerate(patches) if area >= least_m2),
         key=lambda i: float(np.median(patches[i][1][:, 2])),
     )
-    person = patches[main][1]
-    others = [points for i, (_, points) in enumerate(patches) if i != main]
+    area, person = patches[main]
+    others = [patch for i, patch in enumerate(patches) if i != main]
     while True:
         tree, depth_of_person = cKDTree(some_of(person)), float(np.median(person[:, 2]))
         near = []
-        for points in others:
+        for _, points in others:
             reach = _REACH_FORWARD_M if np.median(points[:, 2]) < depth_of_person else _REACH_M
             near.append(bool((np.asarray(tree.query(some_of(points))[0]) < reach).any()))
         if not any(near):
-            return person
-        person = np.concatenate([person, *(points for points, close in zip(others, near, strict=True) if close)])
-        others = [points for points, close in zip(others, near, strict=True) if not close]
+            return (area, person), others
+        joining = [patch for patch, close in zip(others, near, strict=True) if close]
+        area += sum(patch[0] for patch in joining)
+        person = np.concatenate([person, *(points for _, points in joining)])
+        others = [patch for patch, close in zip(others, near, strict=True) if not close]
 
 
 def _large_patches(depth: Image, camera: Camera) -> list[tuple[float, Floats]]:

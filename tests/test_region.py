@@ -4,10 +4,19 @@ import pytest
 from capture.background import largest_plane
 from capture.camera import Camera
 from capture.errors import CloudError
-from capture.recording import RecordingWriter, Sensor, open_recording
+from capture.recording import (
+    Calibration,
+    RecordingWriter,
+    Sensor,
+    SensorCalibration,
+    open_recording,
+    read_depth,
+    write_calibration_file,
+)
 from capture.region import automatic_region, person_points
+from capture.rigid import apply, inverse
 from tests.analytic_depth import plane, quantised, sphere
-from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, write_limb
+from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, limb_depth, poses, write_limb
 
 CAMERA = Camera(320, 240, 260.0, 260.0, 159.5, 119.5)
 SENSOR = Sensor("s", CAMERA)
@@ -51,6 +60,28 @@ def test_a_fist_towards_the_sensor_belongs_to_the_person():
 def test_somebody_behind_is_left_out():
     points = person_points(scene(ball(-0.3, 0.0, 1.4, 0.25), ball(0.5, 0.0, 2.6, 0.3)), SENSOR)
     assert points[:, 2].max() < 1.6
+
+
+@pytest.mark.parametrize("radius", [0.09, 0.07])
+def test_a_bystander_nearer_to_one_sensor_is_not_in_the_region(tmp_path, radius):
+    camera, bystander = Camera(320, 240, 160.0, 160.0, 159.5, 119.5), np.array([0.70, 0.0, -0.11])
+    where = poses()
+    with RecordingWriter(
+        tmp_path / "rec", sensors=[Sensor(name, camera) for name in where], created_by="test"
+    ) as writer:
+        for name, pose in where.items():
+            other = sphere(camera, apply(inverse(pose), bystander[None])[0], radius)
+            writer.add_frame(name, scene(limb_depth(pose, camera), other), 0.0)
+    write_calibration_file(
+        tmp_path / "rec", Calibration({name: SensorCalibration(pose, 0.5) for name, pose in where.items()})
+    )
+    recording = open_recording(tmp_path / "rec")
+    sensor = recording.sensor("left")
+    assert person_points(read_depth(sensor, sensor.frames[0]), sensor)[:, 2].max() < 1.0  # the bystander
+    region = automatic_region(recording)
+    assert region.maximum[0] < bystander[0] - radius
+    assert (region.minimum < -HALF_LENGTH * AXIS).all()
+    assert (region.maximum > HALF_LENGTH * AXIS).all()
 
 
 def test_a_recording_of_an_empty_room_is_an_error(tmp_path):
