@@ -40,12 +40,13 @@ def test_a_mesh_with_two_holes_is_closed() -> None:
 def test_a_limb_beside_itself_has_no_error_and_a_shorter_one_has_that_of_its_length() -> None:
     centres = {"hip": np.array([0.0, 0.2, 0.0]), "knee": np.array([0.0, -0.2, 0.0])}
     skin, femur = bone(), _finer(bone())
+    every = np.ones(len(skin.vertices), dtype=np.bool_)
     him = RealLimb(skin, {"femur": femur}, centres, {})
-    same = compared(Posed(skin, {"femur": femur}, centres), him)
+    same = compared(Posed(skin, {"femur": femur}, centres, every), him)
     assert same["centres_mm"] == {"hip": [0.0, 0.0, 0.0], "knee": [0.0, 0.0, 0.0]}
     assert same["surfaces"]["femur"]["as it lies"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
     lower = centres | {"knee": np.array([0.0, -0.16, 0.0])}
-    shorter = compared(Posed(skin, {"femur": _finer(bone(length=0.36))}, lower), him)
+    shorter = compared(Posed(skin, {"femur": _finer(bone(length=0.36))}, lower, every), him)
     assert shorter["distances_m"]["hip to knee"] == pytest.approx([0.36, 0.40])
     assert shorter["axes_deg"]["femur"] == pytest.approx(0.0, abs=0.05)
     assert shorter["surfaces"]["femur"]["as it lies"][2] == pytest.approx(20.0)

@@ -51,6 +51,7 @@ _START_DEG, _START_M = 6.0, 0.015  # how far off a given first pose is
 _FOLDER = "bodyparts3d"
 _WORLD_FROM_HIM = transform(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]), np.zeros(3))
 """His axes are left, back, up; the world's are forward, up, right."""
+_FITTED = 0.5  # a vertex of the skin that counts by more than this in fitting is one of the limb proper
 _SHAFT = 0.6  # the middle share of a long bone's length
 _HIS = (0.30, 0.62, 0.55)
 CREDIT = (
@@ -147,6 +148,7 @@ class Posed:
     skin: Mesh
     bones: dict[str, Mesh]
     centres: dict[str, Floats] = field(repr=False)
+    fitted: NDArray[np.bool_] = field(repr=False)  # (V,): which of the skin's vertices count in fitting
 
 
 def run(case: str, folder: Path, *, data: Path) -> Result:
@@ -225,6 +227,7 @@ def posed(body: Body, theta: Floats, limb: Limb, world_from_common: Floats) -> P
             for name in limb.bones
         },
         {joint: np.mean([landmark(*at) for at in ours], axis=0) for joint, (ours, _) in limb.centres.items()},
+        body.anatomy.fit_weight > _FITTED,
     )
 
 
@@ -240,6 +243,7 @@ def compared(ours: Posed, him: RealLimb) -> Result:
         },
         "lengths_m": {name: [greatest_length(of.bones[name]) for of in (ours, him)] for name in him.bones},
         "axes_deg": {name: _axis_error(ours.bones[name], bone) for name, bone in him.bones.items()},
+        "skin_mm": _three(distance_to_mesh(ours.skin.vertices[ours.fitted], him.skin.vertices, him.skin.faces)),
         "surfaces": {name: _surface_error(ours.bones[name], bone) for name, bone in him.bones.items()},
     }
 
@@ -300,18 +304,18 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
         of_limb = {case: result for case, result in results.items() if case.split()[0] == name}
         if of_limb:
             parts.append(f"### {name.capitalize()}\n\n{_table(of_limb)}\n{_figure(name, of_limb, images)}")
-    return f"""One man (n = 1: one person, one pose, and he stands with his arm hanging and his knee straight):
-his skin, bones and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part
-of his chest, or of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single
-instant, once from a first pose as a hand would give it (his landmarks', off by up to {_START_DEG:g} degrees and
+    return f"""One man (n = 1: one person, one pose; he stands with a hanging arm and a straight knee): his skin, bones
+and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part of his chest, or
+of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single instant, once
+from a first pose as a hand would give it (his landmarks', off by up to {_START_DEG:g} degrees and
 {100 * _START_M:g} cm), once from one found by search.
 
 His superficial bones lie 10 to 20 mm too deep (his kneecap's front lies 26 mm under his skin), so an error forward or
 backward there is as much his as ours: "without depth" leaves that direction out. Landmarks of his bones are good to 2
 or 3 mm. Bone surfaces are compared where they lie and after the rigid move that fits best. Aims: lengths within
 {AIM_LENGTH_PERCENT:g} %, shafts within {AIM_AXIS_DEG:g} degrees, joint centres within {AIM_CENTRE_MM:g} mm, without
-depth {AIM_DEPTH_FREE_MM:g} mm; **bold** where the mean misses them. Numbers are mean ± SD (maximum) over
-seeds of noise and of the given pose's error; surfaces are mean / 95 % / maximum.
+depth {AIM_DEPTH_FREE_MM:g} mm; **bold** where the mean misses them. Numbers are mean ± SD (maximum) over seeds of noise
+and of the given pose's error; surfaces and skin are mean / 95 % / maximum.
 
 {chr(10).join(parts)}
 """
@@ -325,12 +329,16 @@ def _table(results: Mapping[str, Result]) -> str:
     for title, (_, aim) in measured[ways[0]][0].items():
         values = [np.array([measures[title][0] for measures in measured[way]]) for way in ways]
         rows.append([title, *(_marked(summary(all_of, digits=1), missed=all_of.mean() > aim) for all_of in values)])
+    rows.append(["our skin to his (mm)", *(_joined([score[way]["skin_mm"] for score in scores]) for way in ways)])
     for name, kinds in scores[0][ways[0]]["surfaces"].items():
         for kind in kinds:
-            means = [np.mean([score[way]["surfaces"][name][kind] for score in scores], axis=0) for way in ways]
-            cells = [" / ".join(f"{value:.1f}" for value in mean) for mean in means]
+            cells = [_joined([score[way]["surfaces"][name][kind] for score in scores]) for way in ways]
             rows.append([f"surface of the {name}, {kind} (mm)", *cells])
     return markdown_table(rows)
+
+
+def _joined(rows: list[list[float]]) -> str:
+    return " / ".join(f"{value:.1f}" for value in np.mean(rows, axis=0))
 
 
 def _measures(score: Result) -> dict[str, tuple[float, float]]:
