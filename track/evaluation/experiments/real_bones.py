@@ -16,12 +16,13 @@ from adapt.build.meshes import Mesh
 from adapt.model.handles import d_deform_d_shape, deform, handle_positions
 from adapt.model.surface import submesh
 from track.evaluation.errors import distance_to_mesh
-from track.evaluation.experiments.experiment import Experiment, Result, markdown_table
+from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.surface_fit import (
     Family,
     SurfaceFit,
     affine,
     fit_family,
+    greatest_length,
     read_mesh,
     rigid,
     uniform_scale,
@@ -93,6 +94,7 @@ def run(case: str, folder: Path, *, data: Path) -> Result:
     """Mean, 95 % and greatest distance (mm) of every way, bone by bone; a picture of one person."""
     fits = {name: _fits(data, case, name) for name in BONES}
     result: Result = {name: {way: _scored(fit) for way, fit in of_bone.items()} for name, of_bone in fits.items()}
+    result["lengths_mm"] = {name: 1e3 * greatest_length(_real(data, case, name)) for name in BONES}
     if case == PICTURED:
         panels = [_panel(_template(name)[0], fit, data, case, name) for name in BONES for fit in fits[name].values()]
         result["picture"] = str(folder / "distances.png")
@@ -135,10 +137,24 @@ noise, no neighbour that shares a joint's handle. It is not a test of adaptation
 
 {markdown_table(rows)}
 
+{_lengths(results)}
+
 What our handles leave is the form of the heads, which they only scale, and the bow of the shaft. An affine map does no
 better on the whole, and it would shear the joints' surfaces.
 {_figure(results, images)}
 """
+
+
+def _lengths(results: Mapping[str, Result]) -> str:
+    """How long the bones are, the template's and the people's: handles start from the template's proportions."""
+    ours = np.array([1e3 * greatest_length(_template(name)[0]) for name in BONES])
+    real = np.array([[r["lengths_mm"][name] for name in BONES] for c, r in results.items() if c in SUBJECTS])
+    if not len(real):
+        return ""
+    share = real[:, 1] / real[:, 0]
+    return f"""Greatest lengths (mm): the people's femurs {summary(real[:, 0], digits=0)} and tibias
+{summary(real[:, 1], digits=0)}; the template's {ours[0]:.0f} and {ours[1]:.0f}. Their tibias have {share.min():.2f} to
+{share.max():.2f} of their femurs' length, the template's has {ours[1] / ours[0]:.2f}."""
 
 
 def _ways(results: Mapping[str, Result]) -> list[str]:

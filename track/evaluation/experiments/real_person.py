@@ -20,11 +20,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import least_squares
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.build.meshes import Mesh, largest_part
 from adapt.fit.alternate import adapt_body
 from adapt.fit.correspondences import Target
@@ -32,6 +30,7 @@ from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.fit.start import find_pose
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
+from adapt.model.handles import affine_set
 from capture.calibrate import calibrate_recording, write_calibration
 from capture.fuse import fuse, region_of_interest
 from capture.recording import Recording, instants, open_recording
@@ -40,13 +39,14 @@ from capture.simulate import simulate_recording
 from track.evaluation import known
 from track.evaluation.errors import distance_to_mesh, world_of_sensors
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
-from track.evaluation.experiments.surface_fit import fit_family, read_mesh, rigid
+from track.evaluation.experiments.surface_fit import fit_family, greatest_length, read_mesh, rigid
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 NAME, TITLE = "real-person", "A real man's limbs, one pose"
 AIM_LENGTH_PERCENT, AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_DEPTH_FREE_MM = 3.0, 3.0, 8.0, 5.0
 SEEDS = (1, 2, 3)
-STARTS = ("first pose given", "first pose found")
+STARTS = ("start given", "start found")
+_LEAST_SIZE = 0.7  # of a template scaled to him by hand
 _START_DEG, _START_M = 6.0, 0.015  # how far off a given first pose is
 _FOLDER = "bodyparts3d"
 _WORLD_FROM_HIM = transform(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]), np.zeros(3))
@@ -158,10 +158,14 @@ def run(case: str, folder: Path, *, data: Path) -> Result:
     him = read_limb(limb, data)
     recording, world_from_common = _record(him.skin, folder / "recording", seed=seed)
     target = Target(fuse(recording, instants(recording)[0], region=region_of_interest(recording)))
-    body = make_body(load_anatomy(limb.anatomy))
-    by_hand = _off(_pose_by_landmarks(body, limb, him, inverse(world_from_common)), body, np.random.default_rng(seed))
+    anatomy = load_anatomy(limb.anatomy)
+    sized, theta = _by_landmarks(anatomy, limb, him, inverse(world_from_common))
+    by_hand = sized, _off(theta, sized, np.random.default_rng(seed))
+    template = make_body(anatomy)
     found: dict[str, Posed] = {}
-    for start, theta in zip(STARTS, (by_hand, find_pose(body, target, seed=seed).fit.theta), strict=True):
+    for start, (body, theta) in zip(
+        STARTS, (by_hand, (template, find_pose(template, target, seed=seed).fit.theta)), strict=True
+    ):
         fit = fit_pose(body, target, theta, sample_skin(body.anatomy))
         found[f"posed, {start}"] = posed(body, fit.theta, limb, world_from_common)
         adaptation = adapt_body(body, [target], theta[None])
@@ -171,28 +175,32 @@ def run(case: str, folder: Path, *, data: Path) -> Result:
     return {"picture": str(folder / "bones.png"), "ways": {way: compared(ours, him) for way, ours in found.items()}}
 
 
-def _pose_by_landmarks(body: Body, limb: Limb, him: RealLimb, common_from_world: Floats) -> Floats:
-    """The pose (n,) that brings the template's landmarks closest to his."""
+def _by_landmarks(anatomy: Anatomy, limb: Limb, him: RealLimb, common_from_world: Floats) -> tuple[Body, Floats]:
+    """The template in the one size and the pose (n,) that bring its landmarks closest to his."""
     pairs = [pair for ours, his in limb.centres.values() for pair in zip(ours, his, strict=True)]
     pairs += list(limb.others.items())
-    ours = np.array([body.p.value[body.anatomy.landmark_index(name)] for (_, name), _ in pairs])
+    index = [anatomy.landmark_index(name) for (_, name), _ in pairs]
     his = apply(common_from_world, np.array([him.landmarks[name] for _, name in pairs]))
-    rest = rest_theta(body)
 
-    def carried(theta: Floats) -> Floats:
-        moved = bone_transforms(body, theta)
-        return np.asarray([apply(moved[bone], at[None])[0] for ((bone, _), _), at in zip(pairs, ours, strict=True)])
+    def off(x: Floats) -> Floats:
+        body = _sized(anatomy, x[0])
+        moved = bone_transforms(body, x[1:])
+        ours = [apply(moved[bone], body.p.value[[i]])[0] for ((bone, _), _), i in zip(pairs, index, strict=True)]
+        return np.asarray(np.array(ours) - his).ravel()
 
-    turn, _ = Rotation.align_vectors(his - his.mean(axis=0), ours - ours.mean(axis=0))
-    laid = transform(turn.as_matrix(), his.mean(axis=0) - turn.apply(ours.mean(axis=0)))
-    start = known.carried(body.anatomy, rest[None], laid)[0]
-    inside = np.array([(c.low + 1e-6, c.high - 1e-6) for c in body.anatomy.coordinates]).T
+    rest = anatomy.landmarks[index]
+    turn, _ = Rotation.align_vectors(his - his.mean(axis=0), rest - rest.mean(axis=0))
+    laid = transform(turn.as_matrix(), his.mean(axis=0) - turn.apply(rest.mean(axis=0)))
+    start = known.carried(anatomy, rest_theta(make_body(anatomy))[None], laid)[0]
+    low, high = np.array([(_LEAST_SIZE, 1.0 / _LEAST_SIZE), *((c.low, c.high) for c in anatomy.coordinates)]).T
+    found = least_squares(off, np.clip(np.r_[1.0, start], low + 1e-6, high - 1e-6), bounds=(low, high)).x
+    return _sized(anatomy, found[0]), np.asarray(found[1:], dtype=np.float64)
 
-    def off(theta: Floats) -> Floats:
-        return np.asarray(carried(theta) - his).ravel()
 
-    found = least_squares(off, np.clip(start, inside[0], inside[1]), bounds=(inside[0], inside[1]))
-    return np.asarray(found.x, dtype=np.float64)
+def _sized(anatomy: Anatomy, scale: float) -> Body:
+    """The whole template larger or smaller."""
+    centres = affine_set(anatomy).centres
+    return make_body(anatomy, shape=np.column_stack([np.full(len(centres), scale), (scale - 1.0) * centres]).ravel())
 
 
 def _off(theta: Floats, body: Body, rng: np.random.Generator) -> Floats:
@@ -246,11 +254,6 @@ def compared(ours: Posed, him: RealLimb) -> Result:
         "skin_mm": _three(distance_to_mesh(ours.skin.vertices[ours.fitted], him.skin.vertices, him.skin.faces)),
         "surfaces": {name: _surface_error(ours.bones[name], bone) for name, bone in him.bones.items()},
     }
-
-
-def greatest_length(mesh: Mesh) -> float:
-    """The distance (m) of the two points farthest apart."""
-    return float(pdist(mesh.vertices[ConvexHull(mesh.vertices).vertices]).max())
 
 
 def shaft_axis(mesh: Mesh) -> Floats:
@@ -307,8 +310,8 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
     return f"""One man (n = 1: one person, one pose; he stands with a hanging arm and a straight knee): his skin, bones
 and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part of his chest, or
 of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single instant, once
-from a first pose as a hand would give it (his landmarks', off by up to {_START_DEG:g} degrees and
-{100 * _START_M:g} cm), once from one found by search.
+from a size and pose as a hand would give them (the template's landmarks laid on his, the pose then off by up to
+{_START_DEG:g} degrees and {100 * _START_M:g} cm), once from a pose found by search.
 
 His superficial bones lie 10 to 20 mm too deep (his kneecap's front lies 26 mm under his skin), so an error forward or
 backward there is as much his as ours: "without depth" leaves that direction out. Landmarks of his bones are good to 2
@@ -376,7 +379,7 @@ def _figure(name: str, results: Mapping[str, Result], images: Path) -> str:
     return f"""
 ![His bones and ours inside his skin](images/real-{name}.png)
 
-His bones (green) and ours (bone) inside his skin, adapted from a given first pose; from the front, from the right.
+His bones (green) and ours (bone) inside his skin, adapted from the given start; from the front, from the right.
 {CREDIT}
 """
 

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import igl
 import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
 
 from adapt.anatomy import Floats, Ints
 from adapt.build.meshes import Mesh
@@ -23,6 +25,7 @@ from capture.rigid import exp_so3, hat
 _ROUNDS, _FIRST_ROUNDS = 60, 15
 _PLANE_WEIGHT = 10.0  # of point to plane against point to point, as in the paper's fits
 _DAMPING = 1e-6  # relative; keeps what the family expresses twice, such as a turn, from drifting
+_STILL = 1e-6  # a step that changes q (m, and scales' 1) by less is the last
 _FEWER = 5  # one sample in so many is used while the first turn is looked for
 
 
@@ -118,6 +121,11 @@ def _freedom(family: Family) -> int:
     return int(np.linalg.matrix_rank(jacobian.reshape(-1, jacobian.shape[2])))
 
 
+def greatest_length(mesh: Mesh) -> float:
+    """The distance (m) of the two points farthest apart."""
+    return float(pdist(mesh.vertices[ConvexHull(mesh.vertices).vertices]).max())
+
+
 def sample_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> Sample:
     """Points spread evenly over a mesh."""
     area = igl.doublearea(mesh.vertices, mesh.faces)
@@ -165,7 +173,9 @@ def _closest_points(
         both = Sample(np.concatenate([own.faces, own_faces]), np.concatenate([own.weights, bary]))
         residual = np.concatenate([points - nearest, own_nearest - goals])
         normal = np.concatenate([normals[faces], normals[there.faces]])
-        turn, q = _step(mesh, family, both, turn, q, residual, normal)
+        before, (turn, q) = q, _step(mesh, family, both, turn, q, residual, normal)
+        if np.abs(q - before).max() < _STILL:
+            break
     return turn, q, distances
 
 
