@@ -9,8 +9,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from adapt.anatomy import load_anatomy
-from adapt.model.body import make_body, rest_theta
+from adapt.anatomy import Floats, load_anatomy
+from adapt.model.body import Body, make_body, rest_theta
 from capture.console import stdout
 from track.export.linear_skin import STEPS, linear_skin, skin_gap
 
@@ -27,9 +27,17 @@ POSES = {
 }
 
 
+def anywhere(body: Body) -> Floats:
+    """Poses (30, n) drawn evenly from all ranges."""
+    thetas = np.tile(rest_theta(body), (30, 1))
+    limits = np.array([(c.low, c.high) for c in body.anatomy.coordinates[6:]])  # the free joint has six
+    thetas[:, 6:] = np.random.default_rng(0).uniform(*limits.T, (len(thetas), len(limits)))
+    return thetas
+
+
 @click.command()
 def main() -> None:
-    """Measure one coordinate at a time, the others at rest."""
+    """Measure one coordinate at a time, the others at rest; then random poses."""
     shown = Table("coordinate", "degrees", "joints per turn", "mean (mm)", "largest (mm)")
     for name, poses in POSES.items():
         body = make_body(load_anatomy(name))
@@ -42,6 +50,9 @@ def main() -> None:
                 gap = skin_gap(linear_skin(body, thetas, steps=steps), [theta])
                 cells = (f"{1e3 * gap.mean_m:.2f}", f"{1e3 * gap.largest_m:.1f}")
                 shown.add_row(coordinate, f"{degrees:.0f}", str(steps - 1), *cells)
+        for steps in (1, STEPS):
+            gap = skin_gap(linear_skin(body, anywhere(body), steps=steps), anywhere(body))
+            shown.add_row(f"{name}, all", "", str(steps - 1), f"{1e3 * gap.mean_m:.2f}", f"{1e3 * gap.largest_m:.1f}")
     stdout.print(shown)
 
 
