@@ -30,8 +30,8 @@ POSES = {
 def anywhere(body: Body) -> Floats:
     """Poses (30, n) drawn evenly from all ranges."""
     thetas = np.tile(rest_theta(body), (30, 1))
-    limits = np.array([(c.low, c.high) for c in body.anatomy.coordinates[6:]])  # the free joint has six
-    thetas[:, 6:] = np.random.default_rng(0).uniform(*limits.T, (len(thetas), len(limits)))
+    low, high = np.array([(c.low, c.high) for c in body.anatomy.coordinates[6:]]).T  # the free joint has six
+    thetas[:, 6:] = np.random.default_rng(0).uniform(low, high, (len(thetas), len(low)))
     return thetas
 
 
