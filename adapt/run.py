@@ -13,9 +13,9 @@ from adapt.anatomy import Anatomy, Floats, anatomy_arrays
 from adapt.fit.alternate import Progress
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.subject import Subject, save_subject
+from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from capture.files import remove_left_over
-from capture.fuse import Region
 from capture.journal import journal_key, resume_journal
 from capture.recording import Recording
 

@@ -221,7 +221,7 @@ def calibrate_command(recording: Path) -> None:
     """Find where the sensors of RECORDING stand, from its images of the calibration box."""
     from rich.table import Table
 
-    from capture.calibrate import calibrate_recording, write_calibration
+    from capture.calibration.calibrate import calibrate_recording, write_calibration
     from capture.recording import open_recording
 
     opened = open_recording(recording)
@@ -242,7 +242,7 @@ def calibrate_command(recording: Path) -> None:
 @region_option
 def fuse_command(recording: Path, frame: int, out: Path, region: tuple[float, ...] | None) -> None:
     """Write the point cloud of one instant of RECORDING: cleaned, culled, with normals."""
-    from capture.fuse import fuse, write_ply
+    from capture.cloud.fuse import fuse, write_ply
     from capture.recording import instants, open_recording
 
     opened = open_recording(recording)

@@ -14,13 +14,13 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target, pixel_of
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.subject import Subject, load_subject, save_subject
-from capture.calibrate import calibrate_recording, write_calibration
+from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.camera import Camera
-from capture.fuse import Cloud, View, fuse, region_of_interest, view_points
+from capture.cloud.fuse import Cloud, View, fuse, region_of_interest, view_points
 from capture.recording import Recording, Region, instants, open_recording
 from capture.rigid import inverse
-from capture.sensor import carmine_camera
-from capture.simulate import cast, default_rig, scene_of
+from capture.simulation.sensor import carmine_camera
+from capture.simulation.simulate import cast, default_rig, scene_of
 from track.evaluation.errors import read_truth, world_from_common
 from track.evaluation.known import carried
 from track.evaluation.performance import Performance, random_body

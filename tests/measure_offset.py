@@ -16,11 +16,10 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from capture import depth_png
 from capture.console import stdout
 from capture.errors import RecordingError
 from capture.importers import DepthFrame, Motion, Offset, Source, estimate_offset, motion_of
-from capture.recording import Sensor, open_recording
+from capture.recording import Sensor, depth_png, open_recording
 from tests.test_import_offset import NAME, performance, two_views
 
 COUNT = 20

@@ -13,8 +13,8 @@ from adapt.fit.found import FoundPoses
 from adapt.fit.start import try_pose
 from adapt.run import adapt_into, journal_path
 from adapt.subject import load_subject
+from capture.cloud.fuse import Region
 from capture.errors import FitError
-from capture.fuse import Region
 from capture.journal import resume_journal
 
 FRAMES = (0, 3, 6, 9)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.fuse import fuse
-from capture.preprocess import clean_depth
+from capture.cloud.fuse import fuse
+from capture.cloud.preprocess import clean_depth
 from capture.recording import Instant, Recording, RecordingWriter, Region, instants, open_recording, read_depth
 from tests.test_region import FLOOR, SENSOR, WALL, ball, scene
 from tests.two_sensors import write_limb

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from capture.box import find_box, symmetries
-from capture.calibrate import averaged_depth, calibrate_recording, write_calibration
+from capture.calibration.box import find_box, symmetries
+from capture.calibration.calibrate import averaged_depth, calibrate_recording, write_calibration
 from capture.camera import Camera, backproject
+from capture.cloud.planes import find_planes
 from capture.errors import CalibrationError
-from capture.planes import find_planes
 from capture.recording import Calibration, Recording, RecordingWriter, Sensor, open_recording
 from capture.rigid import apply, exp_so3, inverse, rotation_angle, transform
-from capture.sensor import NoiseModel, carmine, carmine_camera, observe
-from capture.simulate import (
+from capture.simulation.sensor import NoiseModel, carmine, carmine_camera, observe
+from capture.simulation.simulate import (
     SensorRig,
     box_mesh,
     cast,

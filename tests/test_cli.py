@@ -17,8 +17,8 @@ import pytest
 
 from adapt.anatomy import load_anatomy
 from adapt.subject import load_subject, save_subject
-from capture.depth_png import write_readings
 from capture.recording import open_recording
+from capture.recording.depth_png import write_readings
 from capture.rigid import inverse
 from tests.known_limb import ANATOMY, bending_and_twisting
 from track.cli import main

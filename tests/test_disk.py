@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from adapt.subject import save_subject
-from capture.depth_png import write_readings
 from capture.recording import open_recording
+from capture.recording.depth_png import write_readings
 from tests.known_limb import FRAMES
 from tests.test_cli import bonetrack, fails
 from tests.test_track import same_motion

@@ -24,8 +24,8 @@ from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_areas, vertex_normals
 from adapt.model.variation import Points
 from adapt.tissue import tissue_deviation, tissue_field
+from capture.cloud.fuse import Cloud
 from capture.errors import FitError
-from capture.fuse import Cloud
 from capture.rigid import exp_so3, log_so3
 from tests.finite_differences import check_jacobian
 from tests.known_limb import bent, empty_view, exact_target

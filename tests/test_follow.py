@@ -12,8 +12,8 @@ from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
 from adapt.fit.pose import GaussianPose
 from adapt.fit.sample import sample_skin
-from capture.calibrate import calibrate_recording
-from capture.fuse import fuse
+from capture.calibration.calibrate import calibrate_recording
+from capture.cloud.fuse import fuse
 from capture.recording import instants, open_recording
 from capture.rigid import inverse
 from track.evaluation.errors import read_truth, world_from_common

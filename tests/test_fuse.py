@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from capture.cloud.fuse import Region, fuse, spread, write_ply
 from capture.errors import CloudError
-from capture.fuse import Region, fuse, spread, write_ply
 from capture.recording import instants
 from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, write_limb
 

@@ -17,8 +17,8 @@ from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera
-from capture.fuse import View, spread
-from capture.patches import fit_patches, fit_patches_by_arrays
+from capture.cloud.fuse import View, spread
+from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
 

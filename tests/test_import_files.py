@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capture import colour_image, depth_png
 from capture.camera import Camera, backproject, project
 from capture.commands import _FORMAT_NAMES, import_command
 from capture.errors import BonetrackError, RecordingError
 from capture.importers import FORMATS, Stated, import_recording
 from capture.importers.azure_kinect import has_rays
 from capture.importers.realsense import Lens, camera_of
-from capture.recording import Recording, open_recording, read_depth
+from capture.recording import Recording, colour_image, depth_png, open_recording, read_depth
 from tests.sensor_files import scene
 
 FILES = Path(__file__).parent / "sensor_files"

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from capture.camera import Camera
+from capture.cloud.fuse import fuse
 from capture.errors import RecordingError
-from capture.fuse import fuse
 from capture.importers import import_images, natural_order, source_files
 from capture.recording import instants, read_depth
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from capture.camera import Camera
-from capture.normals import surface_at
-from capture.preprocess import boundary, clean_depth
+from capture.cloud.normals import surface_at
+from capture.cloud.preprocess import boundary, clean_depth
 from tests.analytic_depth import cylinder, plane, quantised, sphere
 
 CAMERA = Camera(640, 480, 575.0, 575.0, 319.5, 239.5)

@@ -1,7 +1,7 @@
 import numpy as np
 
 from capture.camera import Camera
-from capture.preprocess import boundary, clean_depth, depth_jump
+from capture.cloud.preprocess import boundary, clean_depth, depth_jump
 from tests.analytic_depth import plane, quantised
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)

@@ -10,7 +10,7 @@ from adapt.fit.correspondences import Target
 from adapt.fit.start import find_pose
 from adapt.model.body import joint_centres, make_body
 from capture.camera import Camera, project
-from capture.fuse import fuse
+from capture.cloud.fuse import fuse
 from capture.importers import import_images, natural_order, source_files
 from capture.recording import Recording, Region, instants
 

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from capture.background import largest_plane
 from capture.camera import Camera
+from capture.cloud.background import largest_plane
+from capture.cloud.region import automatic_region, person_points
 from capture.errors import CloudError
 from capture.recording import (
     Calibration,
@@ -13,7 +14,6 @@ from capture.recording import (
     read_depth,
     write_calibration_file,
 )
-from capture.region import automatic_region, person_points
 from capture.rigid import apply, inverse
 from tests.analytic_depth import plane, quantised, sphere
 from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, limb_depth, poses, write_limb

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.sensor import NoiseModel, carmine, carmine_camera, observe
+from capture.simulation.sensor import NoiseModel, carmine, carmine_camera, observe
 
 CAMERA = carmine_camera()
 SHAPE = (CAMERA.height, CAMERA.width)

@@ -14,9 +14,9 @@ from adapt.fit.correspondences import Target
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import FoundPart, find_skin
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, rest_theta
-from capture.depth_png import read_readings, write_readings
-from capture.fuse import Region, fuse
+from capture.cloud.fuse import Region, fuse
 from capture.recording import instants, open_recording
+from capture.recording.depth_png import read_readings, write_readings
 from tests.known_limb import FPS, covered, cropped, exact_target, known_subject
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_leg import toy_leg

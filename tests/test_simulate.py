@@ -13,8 +13,8 @@ from capture.camera import backproject, project
 from capture.errors import BonetrackError, RecordingError
 from capture.recording import open_recording, read_depth
 from capture.rigid import apply, inverse
-from capture.sensor import NoiseModel, carmine_camera
-from capture.simulate import (
+from capture.simulation.sensor import NoiseModel, carmine_camera
+from capture.simulation.simulate import (
     RigSensor,
     SensorRig,
     box_mesh,

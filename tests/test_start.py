@@ -17,10 +17,10 @@ from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.start import find_pose, locate, try_pose
 from adapt.model.body import joint_centres, pose_skin
 from adapt.model.surface import vertex_areas
+from capture.cloud.fuse import Cloud, Region, View, view_points
 from capture.errors import FitError
-from capture.fuse import Cloud, Region, View, view_points
 from capture.rigid import exp_so3, log_so3
-from capture.sensor import carmine_camera
+from capture.simulation.sensor import carmine_camera
 from tests.analytic_depth import plane, rays
 from tests.known_limb import bent, exact_target
 

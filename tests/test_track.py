@@ -19,7 +19,7 @@ from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres
 from adapt.subject import save_subject
-from capture.fuse import Region
+from capture.cloud.fuse import Region
 from capture.recording import open_recording
 from capture.rigid import exp_so3, log_so3
 from tests.known_limb import FPS, FRAMES, exact_cloud, exact_target
@@ -109,7 +109,7 @@ def wide(limb):
 
 def blank(image):
     """Overwrite a depth image with one without any reading."""
-    from capture.depth_png import image_size, write_readings
+    from capture.recording.depth_png import image_size, write_readings
 
     width, height = image_size(image)
     write_readings(image, np.zeros((height, width), np.uint16))

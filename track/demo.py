@@ -14,10 +14,10 @@ from adapt.anatomy import load_anatomy
 from adapt.commands import print_subject
 from adapt.run import adapt_into
 from adapt.subject import Subject
-from capture.calibrate import calibrate_recording, write_calibration
+from capture.calibration.calibrate import calibrate_recording, write_calibration
+from capture.cloud.fuse import fuse
 from capture.console import stdout
 from capture.errors import RecordingError
-from capture.fuse import fuse
 from capture.recording import Recording, instants, open_recording
 from track.commands import print_motion
 from track.evaluation.commands import print_evaluation

@@ -19,9 +19,9 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.subject import Subject
+from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.errors import CloudError
 from capture.files import remove_left_over
-from capture.fuse import Region, fuse, region_of_interest
 from capture.journal import Journal, journal_key, resume_journal
 from capture.recording import Instant, Recording, instants
 from track.ahead import one_ahead

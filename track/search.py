@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Floats
-from capture.fuse import Cloud
+from capture.cloud.fuse import Cloud
 
 _MOVED_M = 0.02  # a limb that comes back moves mean or spread of the points by more
 _MORE = 0.15  # or changes their number by a larger share

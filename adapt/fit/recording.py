@@ -23,8 +23,8 @@ from adapt.fit.shape import fit_shape
 from adapt.fit.start import locate, try_pose, variations
 from adapt.model.body import Body, make_body
 from adapt.subject import Subject
+from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError, CloudError, FitError
-from capture.fuse import Region, fuse
 from capture.journal import Journal
 from capture.recording import Instant, Recording, instants
 

@@ -15,7 +15,7 @@ from adapt.fit.pose import PoseFit
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin
 from adapt.model.surface import vertex_areas
-from capture.fuse import Cloud
+from capture.cloud.fuse import Cloud
 
 FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
 _NEAR_M = 0.025  # skin this near to the cloud is found

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Floats
+from capture.cloud.fuse import View
+from capture.cloud.preprocess import Image
 from capture.compiled import compiled
-from capture.fuse import View
-from capture.preprocess import Image
 
 
 def see(view: View, vertices: Floats, normals: Floats, *, facing: float, occluded_m: float) -> NDArray[np.bool_]:

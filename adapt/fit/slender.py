@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import pixel_of
-from capture.fuse import Cloud, View
-from capture.preprocess import Mask, jump_mask
+from capture.cloud.fuse import Cloud, View
+from capture.cloud.preprocess import Mask, jump_mask
 
 _THICKER = 1.9  # times the template's thickest part: 8.5 cm for an arm, of which no sleeve falls short and no trunk
 _FEWEST_POINTS = 200

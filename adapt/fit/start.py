@@ -34,8 +34,8 @@ from adapt.fit.score import (
 from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.untold import towards_rest
 from adapt.model.body import Body, pose_skin, rest_theta
+from capture.cloud.fuse import Cloud
 from capture.errors import FitError
-from capture.fuse import Cloud
 from capture.rigid import exp_so3
 
 _COARSE_VERTICES = 100

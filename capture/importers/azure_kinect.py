@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture._checked_json import Checked
 from capture.camera import Camera, project, ray_slopes
 from capture.errors import RecordingError
 from capture.importers.source import (
@@ -33,6 +32,7 @@ from capture.importers.source import (
     optional_module,
 )
 from capture.recording import Colour, Sensor
+from capture.recording.checked_json import Checked
 from capture.rigid import Floats, inverse, transform
 
 _DEPTH_MODES = {

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.depth_png import LARGEST_PIXELS
 from capture.errors import RecordingError
 from capture.importers.source import damaged
+from capture.recording.depth_png import LARGEST_PIXELS
 from capture.rigid import Floats
 
 _LARGEST_HEADER = 2**16

@@ -18,13 +18,12 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from capture import depth_png
-from capture._checked_json import Checked
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.images import natural_order, source_files
 from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, ColourFrame, DepthFrame, Frames, Source, Stated
-from capture.recording import Colour, Sensor
+from capture.recording import Colour, Sensor, depth_png
+from capture.recording.checked_json import Checked
 
 _TUM_UNIT_M = 1.0 / 5000.0
 _CAMERA_FILES = ("intrinsic.json", "camera_intrinsic.json", "intrinsics.json", "camera_primesense.json", "camera.json")

@@ -14,11 +14,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import depth_png
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Source, Stated, check_size
-from capture.recording import Recording, RecordingWriter, Sensor, open_recording
+from capture.recording import Recording, RecordingWriter, Sensor, depth_png, open_recording
 
 Kind = Literal["png", "raw"]
 """What the files hold; see ``import_images``."""

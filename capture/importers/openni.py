@@ -20,7 +20,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import colour_image
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.openni_codec import decode, decode_with_table
@@ -36,7 +35,7 @@ from capture.importers.source import (
     no_depth,
     the_only,
 )
-from capture.recording import Colour, Sensor
+from capture.recording import Colour, Sensor, colour_image
 
 _HEADER = struct.Struct("<4sBBHIQI")
 _RECORD = {True: struct.Struct("<IIIIIQ"), False: struct.Struct("<IIIIII")}

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from capture import depth_png
 from capture.errors import RecordingError
 from capture.importers.realsense import COLOUR_TOPIC, DEPTH_TOPIC, Lens, Streams, as_source
 from capture.importers.source import (
@@ -29,6 +28,7 @@ from capture.importers.source import (
     no_depth,
     the_only,
 )
+from capture.recording import depth_png
 from capture.rigid import Floats, transform
 
 _DEPTH_IMAGE = "/image/data/compressedDepth"

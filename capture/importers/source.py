@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera import Camera
-from capture.depth_png import LARGEST_PIXELS, LARGEST_SIDE
 from capture.errors import RecordingError
 from capture.recording import Sensor
+from capture.recording.depth_png import LARGEST_PIXELS, LARGEST_SIDE
 
 T = TypeVar("T")
 

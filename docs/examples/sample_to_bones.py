@@ -17,7 +17,7 @@ from adapt.anatomy import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import posed_bones
 from adapt.subject import load_subject, save_subject
-from capture.calibrate import calibrate_recording, write_calibration
+from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.recording import open_recording
 from track.angles import reported_coordinates
 from track.export.gltf import write_gltf

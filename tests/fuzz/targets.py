@@ -14,10 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from capture import colour_image
 from capture.importers import Stated, open_source
 from capture.importers.openni_codec import decode, decode_with_table
-from capture.recording import open_recording
+from capture.recording import colour_image, open_recording
 from tests.sensor_files import scene
 
 FILES = Path(__file__).parents[1] / "sensor_files"

@@ -40,13 +40,13 @@ from adapt.model.kinematics import bone_motions
 from adapt.model.surface import incidence, vertex_normals
 from adapt.model.variation import Motion, Points, constant_points
 from adapt.subject import Subject, load_subject
-from capture.calibrate import calibrate_recording
+from capture.calibration.calibrate import calibrate_recording
+from capture.cloud.fuse import fuse, region_of_interest
+from capture.cloud.normals import radius_px
+from capture.cloud.patches import fit_patches, fit_patches_by_arrays
+from capture.cloud.preprocess import clean_depth
 from capture.console import stderr, stdout
 from capture.errors import BonetrackError, FitError
-from capture.fuse import fuse, region_of_interest
-from capture.normals import radius_px
-from capture.patches import fit_patches, fit_patches_by_arrays
-from capture.preprocess import clean_depth
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import apply, exp_so3, inverse, log_so3
 from track.ahead import one_ahead

@@ -31,8 +31,8 @@ def simulate_command(
     overwrite: bool,
 ) -> None:
     """Make the recording that two depth sensors would have made of a moving mesh or subject."""
-    from capture.sensor import NoiseModel, carmine
-    from capture.simulate import simulate_mesh_file
+    from capture.simulation.sensor import NoiseModel, carmine
+    from capture.simulation.simulate import simulate_mesh_file
 
     if (mesh is None) == (anatomy is None) or (anatomy is None) != (motion is None):
         raise click.UsageError("give either --mesh, or --anatomy with --motion")

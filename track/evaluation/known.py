@@ -12,12 +12,12 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
 from adapt.model.body import Body, joint_centres
-from capture.calibrate import calibrate_recording, write_calibration
-from capture.fuse import Region, fuse, region_of_interest
+from capture.calibration.calibrate import calibrate_recording, write_calibration
+from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.recording import Calibration, Recording, instants, open_recording
 from capture.rigid import exp_so3, inverse, log_so3
-from capture.sensor import NoiseModel, carmine
-from capture.simulate import SensorRig
+from capture.simulation.sensor import NoiseModel, carmine
+from capture.simulation.simulate import SensorRig
 from track.evaluation.errors import read_truth, world_from_common
 from track.evaluation.performance import Performance
 from track.evaluation.simulate import simulate_performance

@@ -20,11 +20,11 @@ from rich.table import Table
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.subject import save_subject
-from capture.calibrate import calibrate_recording, write_calibration
+from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.recording import Recording, open_recording
-from capture.sensor import NoiseModel, carmine
+from capture.simulation.sensor import NoiseModel, carmine
 from track.evaluation.errors import evaluate_motion
 from track.evaluation.performance import motion_names, perform, perform_tables, random_body
 from track.evaluation.simulate import simulate_performance

@@ -9,8 +9,8 @@ import numpy as np
 
 from adapt.model.body import pose_skin
 from capture.recording import Recording
-from capture.sensor import NoiseModel
-from capture.simulate import SensorRig, default_rig, simulate_recording
+from capture.simulation.sensor import NoiseModel
+from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
 from track.evaluation.performance import Performance
 from track.evaluation.things import Thing, faces_with_things, skin_and_things
 from track.motion import coordinate_names
@@ -32,7 +32,7 @@ def simulate_performance(
     Without a ``rig``, the sensors are placed as ``performance_rig`` does.
 
     Raises:
-        RecordingError: see ``capture.simulate.simulate_recording``.
+        RecordingError: see ``capture.simulation.simulate.simulate_recording``.
     """
     body = performance.body
     truth = {
@@ -64,7 +64,7 @@ def performance_rig(
     elevations_deg: Sequence[float] = (24.0, 12.0),
     seed: int = 0,
 ) -> SensorRig:
-    """Sensors around a performance: ``capture.simulate.default_rig`` around the skin in some of its poses."""
+    """Sensors around a performance: ``default_rig`` around the skin in some of its poses."""
     some = performance.thetas[:: max(1, len(performance.thetas) // 60)]
     points = np.concatenate([pose_skin(performance.body, theta) for theta in some])
     return default_rig(points, distance_m=distance_m, spread_deg=spread_deg, elevations_deg=elevations_deg, seed=seed)

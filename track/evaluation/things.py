@@ -12,7 +12,7 @@ from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest
 from adapt.model.handles import deform, handle_positions
 from capture._open3d import open3d
 from capture.rigid import apply, transform
-from capture.simulate import RigSensor, box_mesh
+from capture.simulation.simulate import RigSensor, box_mesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.body import rest_theta
+from capture.cloud.fuse import Region
 from capture.files import replaced_when_complete
-from capture.fuse import Region
 from track.view.frames import FrameContent, FrameStore, Posed, SeenPoints, Single, pose_body
 from track.view.layers import FAR_M, LARGEST_ERROR_M, Layers, Skin, first_eye, set_eye
 from track.view.scene import Scene

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Floats
 from adapt.model.body import Body, bone_transforms, joint_centres, pose_skin
+from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.errors import BonetrackError
-from capture.fuse import Region, fuse, region_of_interest
 from track.evaluation.errors import distance_to_mesh
 from track.view.scene import Scene
 

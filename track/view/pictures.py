@@ -9,7 +9,7 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.model.surface import submesh
-from capture.fuse import Cloud
+from capture.cloud.fuse import Cloud
 from track.shown import Bools, skin_shown
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adapt.anatomy import Floats
+from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
-from capture.fuse import Region
 from track.view.angle_charts import LEGEND, AngleCharts
 from track.view.frames import FrameContent, FrameStore, SeenPoints, distances, pose_body, truth_of
 from track.view.hand_panel import HandPanel

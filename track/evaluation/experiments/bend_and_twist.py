@@ -9,7 +9,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.fit.recording import adapt_recording
-from capture.sensor import NoiseModel
+from capture.simulation.sensor import NoiseModel
 from track.evaluation.errors import Evaluation, evaluate_motion, read_truth, world_from_common
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary

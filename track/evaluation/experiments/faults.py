@@ -17,11 +17,11 @@ from adapt.anatomy import Floats, load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import pose_skin
 from adapt.subject import Subject, load_subject, save_subject
-from capture.depth_png import read_readings, write_readings
 from capture.errors import BonetrackError
 from capture.recording import FrameFile, Recording, open_recording
+from capture.recording.depth_png import read_readings, write_readings
 from capture.rigid import apply
-from capture.simulate import Ints, RigSensor, SensorRig, box_mesh, default_rig, simulate_recording
+from capture.simulation.simulate import Ints, RigSensor, SensorRig, box_mesh, default_rig, simulate_recording
 from track.evaluation.errors import Evaluation, evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, KnownRecording, record_known

@@ -31,11 +31,11 @@ from adapt.fit.sample import sample_skin
 from adapt.fit.start import find_pose
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.handles import affine_set
-from capture.calibrate import calibrate_recording, write_calibration
-from capture.fuse import fuse, region_of_interest
+from capture.calibration.calibrate import calibrate_recording, write_calibration
+from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import Recording, instants, open_recording
 from capture.rigid import apply, inverse, transform
-from capture.simulate import simulate_recording
+from capture.simulation.simulate import simulate_recording
 from track.evaluation import known
 from track.evaluation.errors import distance_to_mesh, world_of_sensors
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary

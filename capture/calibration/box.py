@@ -14,8 +14,8 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from capture.camera import Camera, backproject, project
+from capture.cloud.planes import Plane, find_planes
 from capture.errors import CalibrationError
-from capture.planes import Plane, find_planes
 from capture.rigid import Floats, apply, exp_so3, inverse, transform
 
 _SEARCH_ANGLE_DEG = 12.0  # planes this far from perpendicular are still looked at, so that the report can name it

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from capture.camera import Camera, ray_slopes
-from capture.patches import SMOOTHING_ANGLE, Pixels, fit_patches
-from capture.preprocess import Image
+from capture.cloud.patches import SMOOTHING_ANGLE, Pixels, fit_patches
+from capture.cloud.preprocess import Image
 from capture.rigid import Floats
 
 

@@ -28,7 +28,7 @@ from capture.errors import RecordingError
 from capture.files import UNREADABLE
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 from capture.rigid import Floats, apply, inverse, transform
-from capture.sensor import NoiseModel, carmine, carmine_camera, observe
+from capture.simulation.sensor import NoiseModel, carmine, carmine_camera, observe
 
 Ints = NDArray[np.int64]
 Floats32 = NDArray[np.float32]

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.background import background_planes, without_planes
 from capture.camera import Camera, ray_slopes
+from capture.cloud.background import background_planes, without_planes
+from capture.cloud.normals import surface_at
+from capture.cloud.patches import Pixels
+from capture.cloud.preprocess import Image, Mask, boundary, clean_depth, valid_window
+from capture.cloud.region import automatic_region
 from capture.compiled import compiled
 from capture.errors import CloudError
 from capture.files import replaced_when_complete
-from capture.normals import surface_at
-from capture.patches import Pixels
-from capture.preprocess import Image, Mask, boundary, clean_depth, valid_window
 from capture.recording import Instant, Recording, Region, read_depth, world_from_sensor
-from capture.region import automatic_region
 from capture.rigid import Floats, apply
 
 __all__ = ["Cloud", "Region", "View", "automatic_region", "fuse", "write_ply"]

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.depth_png import LARGEST_PIXELS
 from capture.errors import RecordingError
+from capture.recording.depth_png import LARGEST_PIXELS
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"

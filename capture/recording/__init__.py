@@ -10,8 +10,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture._recording_read import open_recording, read_depth
-from capture._recording_types import (
+from capture.errors import CalibrationError, RecordingError
+from capture.recording.read import open_recording, read_depth
+from capture.recording.types import (
     Calibration,
     Colour,
     FrameFile,
@@ -21,8 +22,7 @@ from capture._recording_types import (
     Sensor,
     SensorCalibration,
 )
-from capture._recording_write import RecordingWriter, write_calibration_file
-from capture.errors import CalibrationError, RecordingError
+from capture.recording.write import RecordingWriter, write_calibration_file
 from capture.rigid import Floats
 
 __all__ = [

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.box import BoxFit, displacement, find_box, symmetries
+from capture.calibration.box import BoxFit, displacement, find_box, symmetries
 from capture.camera import Camera, backproject, project
 from capture.errors import CalibrationError
 from capture.recording import (
@@ -63,7 +63,7 @@ def calibrate_recording(recording: Recording) -> Calibration:
     (2 is the most there can be; the first sensor has none).
 
     Raises:
-        CalibrationError: no stated box, no box frames, no box found (see ``capture.box``), it moved, or the recording
+        CalibrationError: no stated box, no box frames, no box found (see ``box``), it moved, or the recording
             does not tell which way round the sensors see the box.
     """
     if recording.box_size_m is None:

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from capture.background import large_planes, some_of, without_planes
 from capture.camera import Camera, backproject
+from capture.cloud.background import large_planes, some_of, without_planes
+from capture.cloud.preprocess import Image, clean_depth, jump_mask, pixel_area
 from capture.errors import CloudError
-from capture.preprocess import Image, clean_depth, jump_mask, pixel_area
 from capture.recording import Instant, Recording, Region, Sensor, instants, read_depth, world_from_sensor
 from capture.rigid import Floats, apply
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera import Camera, backproject
-from capture.preprocess import Image, clean_depth
+from capture.cloud.preprocess import Image, clean_depth
 from capture.recording import Instant, Recording, instants, read_depth
 from capture.rigid import Floats
 

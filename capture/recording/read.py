@@ -12,9 +12,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import depth_png
-from capture._checked_json import Checked, read_json
-from capture._recording_types import (
+from capture.camera import DISTORTION_LENGTHS, Camera
+from capture.errors import RecordingError
+from capture.recording import depth_png
+from capture.recording.checked_json import Checked, read_json
+from capture.recording.types import (
     BOX_FRAMES_FILE,
     CALIBRATION_FILE,
     CALIBRATION_FORMAT,
@@ -32,8 +34,6 @@ from capture._recording_types import (
     Sensor,
     SensorCalibration,
 )
-from capture.camera import DISTORTION_LENGTHS, Camera
-from capture.errors import RecordingError
 
 T = TypeVar("T")
 

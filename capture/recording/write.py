@@ -13,9 +13,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import colour_image, depth_png
-from capture._recording_read import open_recording
-from capture._recording_types import (
+from capture.errors import RecordingError
+from capture.files import naming, remove_left_over, replaced_when_complete
+from capture.recording import colour_image, depth_png
+from capture.recording.read import open_recording
+from capture.recording.types import (
     BOX_FRAMES_FILE,
     CALIBRATION_FILE,
     CALIBRATION_FORMAT,
@@ -31,8 +33,6 @@ from capture._recording_types import (
     Region,
     Sensor,
 )
-from capture.errors import RecordingError
-from capture.files import naming, remove_left_over, replaced_when_complete
 
 _LARGEST_READING = 65535
 

@@ -21,8 +21,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.cloud.preprocess import DEPTH_STEP, Image
 from capture.compiled import compiled_sums
-from capture.preprocess import DEPTH_STEP, Image
 from capture.rigid import Floats
 
 Pixels = NDArray[np.intp]

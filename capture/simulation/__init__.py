@@ -1,0 +1,1 @@
+"""What depth sensors would have recorded of a moving mesh."""
