@@ -22,6 +22,7 @@ from track.commands import print_motion
 from track.evaluation.performance import PerformanceError, perform_tables, read_motion_table
 from track.export.files import export_motion, export_subject
 from track.export.opensim_tables import write_mot, write_trc
+from track.export.osim import landmark_markers
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.run import write_motion_folder
@@ -100,6 +101,22 @@ def test_trc_files_hold_millimetres_and_leave_lost_frames_empty(tmp_path, motion
     assert set(rows[LOST][2:]) == {""}
     second = list(motion.centres.values())[1]
     np.testing.assert_allclose([float(x) for x in rows[5][5:8]], 1e3 * second[5], atol=1e-4)
+
+
+def test_virtual_markers_keep_their_places_on_the_bones_they_ride_on(tmp_path, motion, limb):
+    assert tmp_path / "markers.trc" in export_motion(motion, limb.subject, tmp_path)
+    lines = (tmp_path / "markers.trc").read_text().split("\n")
+    names = [name for name in lines[3].split("\t")[2:] if name]
+    rows = [line.split("\t") for line in lines[6:] if line]
+    markers = landmark_markers(limb.subject.body)
+    assert names == list(markers)
+    assert set(rows[LOST][2:]) == {""}
+    at = np.array(rows[5][2:], dtype=float).reshape(-1, 3) / 1e3
+    bones, rest = posed_bones(limb.subject.body, motion.thetas[5]), limb.subject.body.rest_bones
+    for name, place in zip(names, at, strict=True):
+        bone = markers[name].bone
+        apart = np.linalg.norm(bones[bone] - place, axis=1)
+        np.testing.assert_allclose(apart, np.linalg.norm(rest[bone] - markers[name].position, axis=1), atol=1e-6)
 
 
 def test_the_quality_table_says_why_a_frame_was_lost(tmp_path, motion, limb):

@@ -12,7 +12,7 @@ from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
 from track.export.opensim_tables import write_mot, write_trc
-from track.export.osim import write_osim
+from track.export.osim import landmark_markers, marker_paths, write_osim
 from track.export.osim_motion import with_coupled, write_states
 from track.export.tables import motion_tables, write_csv, write_parquet
 from track.motion import Motion, MotionError
@@ -31,7 +31,7 @@ def export_subject(subject: Subject, out: Path) -> list[Path]:
 def export_motion(
     motion: Motion, subject: Subject, out: Path, *, frame: int | None = None, parquet: bool = False
 ) -> list[Path]:
-    """Write joint angles (``.mot``, ``.sto``), centres (``.trc``), tables (CSV), and one ``frame``'s skin and bones.
+    """Write angles (``.mot``, ``.sto``), centres and landmarks (``.trc``), tables (CSV), one frame's skin and bones.
 
     With ``parquet`` the tables (``track.export.tables``) are written in that format, too.
 
@@ -52,7 +52,8 @@ def export_motion(
     write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
     write_states(out / "coordinates.sto", motion.times, subject.anatomy, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
-    written = [out / "angles.mot", out / "coordinates.sto", out / "centres.trc"]
+    write_trc(out / "markers.trc", motion.times, marker_paths(landmark_markers(subject.body), motion.transforms))
+    written = [out / name for name in ("angles.mot", "coordinates.sto", "centres.trc", "markers.trc")]
     for name, table in motion_tables(motion, subject.anatomy).items():
         written.append(write_csv(out / f"{name}.csv", table))
         if parquet:

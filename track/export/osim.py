@@ -76,6 +76,14 @@ def landmark_markers(body: Body) -> dict[str, Marker]:
     return markers
 
 
+def marker_paths(markers: Mapping[str, Marker], transforms: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Where markers are (T, 3) m when ``transforms`` (T, 4, 4), rest to pose, move their bones; NaN stays NaN."""
+    return {
+        name: np.asarray(transforms[m.bone][:, :3, :3] @ m.position + transforms[m.bone][:, :3, 3])
+        for name, m in markers.items()
+    }
+
+
 def _constructed(anatomy: Anatomy) -> set[str]:
     lines = {name for joint in anatomy.joints for axis in joint.axes for name in axis}
     frames = [f for joint in anatomy.joints for f in joint.frames] + [f for d in anatomy.deformers for f in d.frames]
