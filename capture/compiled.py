@@ -17,10 +17,20 @@ _R = TypeVar("_R")
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """The function as machine code, with NumPy's rules for division by zero."""
-    return cast(Callable[_P, _R], numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+    return _compiled(function, fastmath=False)
 
 
 def compiled_sums(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """The same where sums may be taken in any order, so that the processor can take several terms at once."""
-    options = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"reassoc", "nsz", "contract"}}
-    return cast(Callable[_P, _R], numba.njit(**options)(function))
+    return _compiled(function, fastmath={"reassoc", "nsz", "contract"})
+
+
+def _compiled(function: Callable[_P, _R], *, fastmath: bool | set[str]) -> Callable[_P, _R]:
+    def machine_code(*, cache: bool) -> Callable[_P, _R]:
+        options = {"cache": cache, "error_model": "numpy", "nogil": True, "fastmath": fastmath}
+        return cast(Callable[_P, _R], numba.njit(**options)(function))
+
+    try:
+        return machine_code(cache=True)
+    except RuntimeError:  # nowhere to keep it: installed read-only, and no folder of the user's own
+        return machine_code(cache=False)

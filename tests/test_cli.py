@@ -247,6 +247,13 @@ def test_an_empty_region(recording, tmp_path):
         assert not (tmp_path / "out").exists()
 
 
+def test_a_frame_that_a_motion_does_not_have(chain, tmp_path):
+    folder, _ = chain
+    arguments = ("export", folder / "motion", "--subject", folder / "subject.npz", "--frame", 999)
+    said = fails(*arguments, "--out", tmp_path / "out", saying=str(folder / "motion"))
+    assert "frames run from 0 to" in said
+
+
 def test_no_box_in_view(recording):
     for sensor in open_recording(recording).sensors:
         for frame in sensor.box_frames:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -19,6 +20,7 @@ from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera
 from capture.cloud.fuse import View, spread
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays
+from capture.compiled import compiled, compiled_sums
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
 
@@ -103,3 +105,16 @@ def test_a_sensor_sees_what_it_sees_through_a_lens_that_hardly_distorts() -> Non
     seen = visible_from(view, points, normals)
     np.testing.assert_array_equal(seen, visible_from(lens, points, normals))
     assert 0.05 < seen.mean() < 0.5
+
+
+@pytest.mark.parametrize("kind", [compiled, compiled_sums])
+def test_where_compiled_code_cannot_be_kept_it_is_compiled_all_the_same(kind, monkeypatch) -> None:
+    jit = numba.njit
+
+    def nowhere_to_keep_it(*, cache: bool, **options):
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return jit(**options)
+
+    monkeypatch.setattr(numba, "njit", nowhere_to_keep_it)
+    assert kind(lambda x: 2.0 * x)(3.0) == 6.0

@@ -29,14 +29,17 @@ def export_command(source: Path, subject: Path | None, frame: int | None, gltf: 
     """Write a subject or a motion (SOURCE) for other tools: PLY, .osim, .mot, .sto, .trc, CSV, Parquet, glTF."""
     from adapt.subject import load_subject
     from track.export.files import export_motion, export_subject
-    from track.motion import load_motion
+    from track.motion import MotionError, load_motion
 
     if source.is_dir():
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
         motion = load_motion(source)
         whose = load_subject(subject)
-        written = export_motion(motion, whose, out, frame=frame, parquet=parquet)
+        try:
+            written = export_motion(motion, whose, out, frame=frame, parquet=parquet)
+        except MotionError as error:  # it knows the motion, not the folder it came from
+            raise MotionError(error.problem, where=error.where or source, remedy=error.remedy) from error
         if frame is not None and motion.hidden(frame):
             stdout.print(f"left out, for they do not show in frame {frame}: {', '.join(motion.hidden(frame))}")
         if gltf:
