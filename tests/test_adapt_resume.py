@@ -75,6 +75,9 @@ def test_an_adaptation_that_was_cut_short_does_not_search_again(limb, tmp_path, 
     np.testing.assert_array_equal(again.body.v_hat, whole.body.v_hat)
     np.testing.assert_array_equal(again.covariance, whole.covariance)
     assert again.report == whole.report
+    kept = load_subject(tmp_path / "again.npz").report["settings"]
+    assert (kept["region"], kept["frames_given"]) == ("automatic", list(FRAMES))
+    assert {"bonetrack", "Python", "numpy"} <= set(kept["versions"])
 
 
 @pytest.mark.parametrize("what", ["anatomy", "options", "first poses", "region", "recording"])

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from tests.known_motion import HIDDEN, WHY, known_motion, reported_subject
 
 pytest.importorskip("plotly", reason="plotly is not installed (extra: view)")
 
+from track.settings import Settings
 from track.view.page import ReportError
 from track.view.report import write_report
 from track.view.report_charts import angle_chart
@@ -122,6 +124,40 @@ def test_the_bands_are_one_and_two_deviations_and_leave_out_what_is_not_known(li
 def test_without_a_recording_there_are_no_errors(limb: KnownLimb, tmp_path: Path) -> None:
     write_report(known_motion(limb), reported_subject(limb), None, tmp_path / "r.html", title="motion")
     assert "Errors against the truth" not in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_the_page_tells_versions_and_settings(limb: KnownLimb, tmp_path: Path) -> None:
+    settings = Settings(
+        {"bonetrack": "0.0.9", "numpy": "2.0.1"},
+        {"region": "given", "region_minimum_m": [-0.25, 0.0, 0.5], "region_maximum_m": [0.25, 1.0, 1.5]}
+        | {"poses_by_hand": [{"name": "start", "frame": 3}], "world_from_thorax": None},
+        {"largest_residual_m": 0.006},
+    )
+    subject = reported_subject(limb)
+    adapted = {"versions": {"bonetrack": "0.0.8"}, "example_poses": 6, "frames_given": None}
+    subject = replace(subject, report=subject.report | {"settings": adapted})
+    write_report(replace(known_motion(limb), settings=settings), subject, None, tmp_path / "r.html", title="motion")
+    page = _Page()
+    page.feed((tmp_path / "r.html").read_text(encoding="utf-8"))
+    text = " ".join(" ".join(page.text).split())
+    for words in (
+        "subject motion page",
+        "bonetrack 0.0.8 0.0.9",
+        "numpy 2.0.1",
+        "example_poses 6",
+        "region given",
+        "region_minimum_m -0.25, 0, 0.5",
+        "poses_by_hand name start, frame 3",
+        "world_from_thorax none",
+        "largest_residual_m 0.006",
+    ):
+        assert words in text, words
+    assert "older version" not in text
+
+
+def test_the_page_says_of_which_results_no_settings_are_known(read: _Page) -> None:
+    text = " ".join(" ".join(read.text).split())
+    assert "Of the subject and the motion no settings are known" in text
 
 
 def test_without_plotly_one_line_says_what_to_install(

@@ -19,11 +19,12 @@ from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres
 from adapt.subject import save_subject
-from capture.cloud.fuse import Region
+from capture.cloud.fuse import Region, region_of_interest
 from capture.recording import open_recording
 from capture.rigid import exp_so3, log_so3
 from tests.known_limb import FPS, FRAMES, exact_cloud, exact_target
 from track.motion import MotionError, load_motion
+from track.poses_by_hand import HandPose
 from track.prediction import advance, pose_difference, predict
 from track.run import JOURNAL, track_recording
 from track.tracker import TrackerState, make_tracker
@@ -82,6 +83,27 @@ def test_a_motion_says_how_sure_it_is(tracked):
     assert (motion.residuals < 0.004).all()
     assert (motion.coverage > 0.8).all()
     assert (motion.matches > 100).all()
+
+
+def test_a_motion_keeps_what_it_was_tracked_with(limb, tracked, tracker, tmp_path):
+    motion, folder = tracked
+    assert motion.settings is not None
+    assert motion.settings.options["recording"] == limb.recording.path.name
+    assert motion.settings.options["region"] == "automatic"
+    automatic = region_of_interest(limb.recording)
+    np.testing.assert_array_equal(motion.settings.region.minimum, automatic.minimum)
+    assert motion.settings.thresholds["largest_residual_found_anew_m"] == tracker.usual_m
+    assert "numpy" in motion.settings.versions
+    assert load_motion(folder).settings == motion.settings
+    hand = HandPose("raised", 1, limb.thetas[1])
+    given = track_recording(
+        limb.recording, limb.subject, tmp_path, region=wide(limb), poses=[hand], world_from_thorax=np.eye(4)
+    ).settings
+    assert given.options["region"] == "given"
+    np.testing.assert_array_equal(given.region.maximum, wide(limb).maximum)
+    assert given.options["poses_by_hand"] == [{"name": "raised", "frame": 1}]
+    assert given.options["world_from_thorax"] == np.eye(4).tolist()
+    assert load_motion(tmp_path).settings == given
 
 
 def test_frames_with_nothing_in_them_are_lost_and_the_next_ones_tracked(limb, tmp_path):

@@ -221,6 +221,23 @@ def test_in_a_motion_of_the_first_version_all_bones_show_where_it_was_tracked(tm
     assert not motion.shown[LOST].any()
 
 
+def test_a_motion_written_before_settings_were_kept_has_none(tmp_path, motion):
+    save_motion(motion, tmp_path)
+    with np.load(tmp_path / "motion.npz", allow_pickle=False) as data:
+        arrays = {key: data[key] for key in data.files}
+    description = json.loads(str(arrays["description"]))
+    del description["settings"]
+    np.savez(tmp_path / "motion.npz", **arrays | {"description": np.array(json.dumps(description))})
+    assert load_motion(tmp_path).settings is None
+
+
+def test_settings_that_are_none_are_refused(tmp_path, motion):
+    save_motion(motion, tmp_path)
+    rewritten(tmp_path / "motion.npz", settings={"versions": {}})
+    with pytest.raises(MotionError, match="not a motion file"):
+        load_motion(tmp_path)
+
+
 def test_a_motion_of_this_version_must_say_which_bones_show(tmp_path, motion):
     save_motion(motion, tmp_path)
     rewritten(tmp_path / "motion.npz", shown=None)

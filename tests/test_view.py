@@ -18,6 +18,7 @@ from tests.known_limb import KnownLimb
 from tests.known_motion import HIDDEN, known_motion, reported_subject
 from track.motion import MotionError, save_motion
 from track.poses_by_hand import PosesError, read_poses, write_poses
+from track.settings import Settings
 from track.view.angle_charts import _ticks
 from track.view.commands import view_command
 from track.view.embedded import thinned, write_embedded
@@ -63,6 +64,18 @@ def test_a_scene_joins_motion_recording_and_truth(limb: KnownLimb, folder: Path)
     assert np.abs(content.posed.skin - content.truth.skin).max() < 1e-5
     assert np.median(content.seen.distances) < 0.003
     assert FrameStore(scene).get(4).posed is None
+
+
+def test_a_motion_is_shown_with_the_points_of_the_region_it_was_tracked_in(limb: KnownLimb) -> None:
+    points = limb.targets[0].cloud.points
+    low, high = points.min(axis=0), points.max(axis=0)
+    high[1] = np.median(points[:, 1])
+    region = {"region": "given", "region_minimum_m": low.tolist(), "region_maximum_m": high.tolist()}
+    motion = replace(known_motion(limb), settings=Settings({}, region, {}))
+    seen = FrameStore(motion_scene(motion, limb.subject, limb.recording, title="motion")).get(0).seen
+    assert seen is not None
+    assert 0.4 < len(seen.points) / len(points) < 0.6
+    assert (seen.points[:, 1] <= high[1] + 0.02).all()  # smoothed after they were cut out
 
 
 def test_a_subject_stands_in_its_example_poses_or_at_rest(limb: KnownLimb) -> None:

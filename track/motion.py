@@ -7,8 +7,9 @@ for people and other tools.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from adapt.model.body import bone_transforms, joint_centres
 from adapt.subject import Subject
 from capture.errors import BonetrackError
 from capture.files import UNREADABLE, replaced_when_complete
+from track.settings import Settings
 from track.shown import Bools, centres_known
 
 FORMAT = "bonetrack-motion"
@@ -36,7 +38,7 @@ class Motion:
     tracked ``thetas`` are whole, so that they pose a body; where a bone at either end of a joint does not show they are
     guesses, and the deviations say so (``track.shown.known_thetas`` leaves guesses out). Transforms and centres that
     are not known are NaN. ``how`` says of tracked frames how their pose was come by (``track.tracker.FOLLOWED`` and so
-    on); motions written before that was kept have none.
+    on), ``settings`` with what it was tracked; motions written before that was kept have none.
     """
 
     anatomy: str
@@ -52,6 +54,7 @@ class Motion:
     transforms: dict[str, Floats] = field(repr=False)  # bone name -> (T, 4, 4), rest to pose
     centres: dict[str, Floats] = field(repr=False)  # joint name -> (T, 3) m
     how: tuple[str, ...] = field(default=(), repr=False)  # (T,) empty where lost
+    settings: Settings | None = field(default=None, repr=False)
 
     @property
     def tracked(self) -> np.ndarray:
@@ -91,6 +94,7 @@ def save_motion(motion: Motion, folder: Path) -> None:
         "coordinates": list(motion.coordinates),
         "lost": list(motion.lost),
         "how": list(motion.how),
+        "settings": None if motion.settings is None else asdict(motion.settings),
     }
     arrays: dict[str, np.ndarray] = {name: getattr(motion, name) for name in _ARRAYS}
     arrays |= {f"transforms/{name}": value for name, value in motion.transforms.items()}
@@ -129,6 +133,7 @@ def load_motion(folder: Path) -> Motion:
             coordinates=tuple(description["coordinates"]),
             lost=tuple(description["lost"]),
             how=tuple(description.get("how", ())),
+            settings=_settings(description.get("settings")),
             transforms=transforms,
             centres=_group(arrays, "centres/"),
             **{name: arrays[name] for name in _ARRAYS},
@@ -143,6 +148,10 @@ def coordinate_names(anatomy: Anatomy) -> tuple[str, ...]:
 
 
 _ARRAYS = ("times", "thetas", "deviations", "shown", "residuals", "coverage", "matches")
+
+
+def _settings(kept: dict[str, Any] | None) -> Settings | None:
+    return None if kept is None else Settings(kept["versions"], kept["options"], kept["thresholds"])
 
 
 def _group(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, Floats]:

@@ -32,6 +32,7 @@ from track.export.osim_motion import with_coupled
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
 from track.poses_by_hand import HandPose
+from track.settings import Settings, settings_of
 from track.shown import known_thetas
 from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
 
@@ -72,15 +73,18 @@ def track_recording(
     moments = instants(recording)
     by_hand = _by_frame(poses, len(moments))
     _make_folder(out)
-    region = region or region_of_interest(recording)
     tracker = make_tracker(subject)
+    settings = settings_of(
+        recording, tracker.thresholds(), region=region, poses=poses, world_from_thorax=world_from_thorax
+    )
+    region = region or region_of_interest(recording)
     person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))
     hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
     journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum, *hands))
     work = _Work(tracker, recording, region, moments, journal)
     frames = work.forward(by_hand, progress)
     frames = work.backward(frames, progress)
-    motion = _motion(subject, frames)
+    motion = _motion(subject, frames, settings)
     write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
     journal.remove()
     return motion
@@ -186,7 +190,7 @@ def ready_target(recording: Recording, region: Region, moment: Instant) -> Targe
     return target
 
 
-def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
+def _motion(subject: Subject, frames: list[TrackedFrame], settings: Settings) -> Motion:
     thetas = np.array([frame.theta for frame in frames])
     shown = np.array([frame.shown for frame in frames])
     transforms, centres = bones_and_centres(subject, thetas, shown)
@@ -206,6 +210,7 @@ def _motion(subject: Subject, frames: list[TrackedFrame]) -> Motion:
         matches=np.array([frame.matches for frame in frames]),
         transforms=transforms,
         centres=centres,
+        settings=settings,
     )
 
 

@@ -24,7 +24,17 @@ from adapt.subject import Subject
 from capture.errors import FitError
 from track.prediction import pose_difference, predict, unsure_where_unknown
 from track.search import look_of, looks_changed
-from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen, fits, shows
+from track.shown import (
+    LARGEST_SKIN_M,
+    LEAST_COVERAGE,
+    LEAST_IN_SIGHT,
+    Bools,
+    bones_shown,
+    coordinates_known,
+    coordinates_seen,
+    fits,
+    shows,
+)
 from track.uncertainty import pose_covariance
 
 SAMPLED_VERTICES = 2000
@@ -87,6 +97,26 @@ class Tracker:
     subject: Subject
     sample: SkinSample = field(repr=False)
     usual_m: float
+
+    def thresholds(self) -> dict[str, float]:
+        """What decides whether a frame is tracked, a bone shows, and a limb is searched; m, s, rad, shares, counts."""
+        return {
+            "sampled_vertices": SAMPLED_VERTICES,
+            "largest_residual_m": LARGEST_RESIDUAL_M,
+            "largest_residual_found_anew_m": self.usual_m,
+            "largest_residual_without_root_m": FRESH_RESIDUAL_M,
+            "least_skin_in_sight": LEAST_IN_SIGHT,
+            "least_coverage": LEAST_COVERAGE,
+            "largest_skin_to_cloud_m": LARGEST_SKIN_M,
+            "least_bones_found_anew": LEAST_BONES,
+            "most_outline_on_other_surface": MOST_ATTACHED,
+            "found_anew_after_s": _PAST_S,
+            "searched_after_s": _FORGOTTEN_S,
+            "longest_wait_for_search_s": _LONGEST_WAIT_S,
+            "back_to_rest_s": _BACK_S,
+            "sd_by_hand_rad": float(_BY_HAND_RAD),
+            "sd_by_hand_m": _BY_HAND_M,
+        }
 
     def first(self, target: Target, time_s: float) -> tuple[TrackedFrame, TrackerState | None]:
         """Track a frame without a past: from the subject's example poses, else from many starts."""

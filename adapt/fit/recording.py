@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.journal import Journal
 from capture.recording import Instant, Recording, instants
+from capture.settings import region_used, versions
 
 FEWEST_POSES = 4
 MOST_POSES = 8
@@ -93,7 +95,15 @@ def adapt_recording(
     unseen = [(c.target, c.pose.fit.theta) for c in others]
     adaptation = adapt_body(body, targets, thetas, unseen=unseen, progress=progress)
     _refuse_a_collapsed_body(adaptation.body, recording)
-    return _subject(adaptation, usable)
+    settings = {
+        "versions": versions(),
+        "recording": recording.path.resolve().name,
+        **region_used(recording, region),
+        "example_poses": poses if frames is None else len(usable),
+        "frames_given": None if frames is None else sorted(set(frames)),
+        "first_poses_given": sorted(known),
+    }
+    return _subject(adaptation, usable, settings)
 
 
 def _refuse_a_collapsed_body(body: Body, recording: Recording) -> None:
@@ -268,7 +278,7 @@ def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
     }
 
 
-def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:
+def _subject(adaptation: Adaptation, used: list[_Candidate], settings: dict[str, Any]) -> Subject:
     body = adaptation.body
     sample = sample_skin(body.anatomy)
     scores = [
@@ -291,6 +301,7 @@ def _subject(adaptation: Adaptation, used: list[_Candidate]) -> Subject:
         "scales": _scales(adaptation),
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
+        "settings": settings,
     }
     times = np.array([candidate.instant.time_s for candidate in used])
     return Subject(body, adaptation.thetas, times, adaptation.covariance, report)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Floats
 from adapt.model.body import Body, bone_transforms, joint_centres, pose_skin
-from capture.cloud.fuse import Region, fuse, region_of_interest
+from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError
 from track.evaluation.errors import distance_to_mesh
 from track.view.scene import Scene
@@ -77,7 +77,7 @@ def seen_points(scene: Scene, k: int, posed: Posed | None, *, region: Region | N
     if scene.recording is None or scene.moments is None:
         return None
     try:
-        cloud = fuse(scene.recording, scene.moments[k], region=region or region_of_interest(scene.recording))
+        cloud = fuse(scene.recording, scene.moments[k], region=region or scene.region)
     except BonetrackError as error:
         return SeenPoints(np.zeros((0, 3), dtype=np.float32), None, error.problem)
     points = cloud.points.astype(np.float32)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import platform
+from collections.abc import Mapping, Sequence
 from html import escape
-from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from adapt.anatomy import Floats
 from adapt.model.body import rest_theta
 from adapt.subject import Subject
 from capture.files import replaced_when_complete
 from capture.recording import Recording
+from capture.settings import version_of, versions
 from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
 from track.poses_by_hand import UNITS, as_shown
@@ -238,15 +238,49 @@ def _errors(scene: Scene, evaluation: Evaluation) -> str:
 
 
 def _versions(scene: Scene) -> str:
-    rows = [[name, _version(name)] for name in ("bonetrack", "numpy", "scipy", "plotly")]
-    rows.insert(1, ["Python", platform.python_version()])
-    subject = _motion_subject(scene)
-    rows.append(["anatomy", f"{subject.anatomy.name}, {len(subject.body.v_hat)} skin vertices"])
-    rows.append(["subject", f"adapted to {len(subject.thetas)} example poses"])
-    parts = [table("What made this page, and from what", ["what", "version"], rows)]
+    subject, tracked = _motion_subject(scene), _motion(scene).settings
+    adapted = subject.report.get("settings")
+    made = [("subject", adapted and adapted["versions"]), ("motion", tracked and tracked.versions)]
+    made.append(("page", versions() | {"plotly": version_of("plotly")}))
+    known = [(name, stated) for name, stated in made if stated]
+    programs = list(dict.fromkeys(program for _, stated in known for program in stated))
+    rows = [[program, *(stated.get(program, "") for _, stated in known)] for program in programs]
+    parts = [
+        table("The software that made them", ["", *(name for name, _ in known)], rows),
+        paragraph(f"Anatomy {subject.anatomy.name}, {len(subject.body.v_hat)} skin vertices."),
+    ]
+    if adapted:
+        options = {name: value for name, value in adapted.items() if name != "versions"}
+        parts.append(_settings("How the subject was adapted", options))
+    if tracked is not None:
+        parts.append(_settings("How the motion was tracked", tracked.options))
+        parts.append(_settings("What tracking decides by", tracked.thresholds))
+    older = [name for name, stated in made if not stated]
+    if older:
+        parts.append(paragraph(f"Of the {' and the '.join(older)} no settings are known: an older version made it."))
     if scene.recording is not None:
         parts.append(_recording(scene.recording))
     return "\n".join(parts)
+
+
+def _settings(caption: str, settings: Mapping[str, Any]) -> str:
+    return table(caption, ["setting", "value"], [[name, _in_words(value)] for name, value in settings.items()])
+
+
+def _in_words(value: Any) -> str:
+    """A setting as people read it.
+
+    >>> _in_words([{"name": "start", "frame": 3}]), _in_words([0.1, -1 / 3, 2]), _in_words(None)
+    ('name start, frame 3', '0.1, -0.3333, 2', 'none')
+    """
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_in_words(part)}" for key, part in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        nested = any(isinstance(part, Mapping | list) for part in value)
+        return ("; " if nested else ", ").join(_in_words(part) for part in value) or "none"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return "none" if value is None else str(value)
 
 
 def _recording(recording: Recording) -> str:
@@ -259,25 +293,7 @@ def _recording(recording: Recording) -> str:
         size = f"{sensor.camera.width} x {sensor.camera.height}"
         rows.append([sensor.name, size, str(len(times)), rate, residual])
     head = ["sensor", "image", "frames", "frames a second", "calibration residual (mm)"]
-    region = "the automatic region"
-    if recording.region is not None:
-        region = f"the region {_corner(recording.region.minimum)} to {_corner(recording.region.maximum)} m"
-    return table(f"Recording {recording.path.name}", head, rows) + paragraph(
-        f"The recording states {region}; a region given to `bonetrack track` is not kept in the motion."
-        if recording.region is not None
-        else "The recording states no region of interest; an automatic one is used unless tracking was given another."
-    )
-
-
-def _corner(values: Floats) -> str:
-    return "(" + ", ".join(f"{value:.2f}" for value in values) + ")"
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "run from a checkout"
+    return table(f"Recording {recording.path.name}", head, rows)
 
 
 def _motion(scene: Scene) -> Motion:

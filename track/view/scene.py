@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from adapt.anatomy import Anatomy, Coordinate, Floats
 from adapt.model.body import Body, rest_theta
 from adapt.subject import Subject, load_subject
+from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from capture.recording import Instant, Recording, instants, open_recording
 from capture.rigid import inverse
@@ -62,6 +63,11 @@ class Scene:
         if self.motion is None:
             return self.thetas
         return known_thetas(self.subject.anatomy, self.thetas, self.motion.shown)
+
+    @property
+    def region(self) -> Region | None:
+        """The region that the motion was tracked in, if that is known."""
+        return None if self.motion is None or self.motion.settings is None else self.motion.settings.region
 
     @property
     def body(self) -> Body | None:

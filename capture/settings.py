@@ -1,0 +1,40 @@
+"""With what a result was made: the versions of the software, and where the limb was looked for.
+
+Results keep this as plain JSON, so that whoever finds one years later can tell, and make it again.
+"""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+from typing import Any
+
+from capture.cloud.fuse import region_of_interest
+from capture.recording import Recording, Region
+
+_DECIDING = ("bonetrack", "numpy", "scipy", "numba", "open3d", "opencv-contrib-python-headless", "libigl")
+"""Distributions that numbers depend on."""
+
+
+def version_of(distribution: str) -> str:
+    """An installed distribution's version.
+
+    >>> version_of("no such thing")
+    'not installed'
+    """
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "run from a checkout" if distribution == "bonetrack" else "not installed"
+
+
+def versions() -> dict[str, str]:
+    """Versions of the program, of Python, and of what the numbers depend on."""
+    return {"Python": platform.python_version()} | {name: version_of(name) for name in _DECIDING}
+
+
+def region_used(recording: Recording, given: Region | None) -> dict[str, Any]:
+    """The region (m, in the common frame) that a recording's clouds are cut out with, and where it comes from."""
+    region = given or region_of_interest(recording)
+    source = "given" if given is not None else "automatic" if recording.region is None else "of the recording"
+    return {"region": source, "region_minimum_m": region.minimum.tolist(), "region_maximum_m": region.maximum.tolist()}
