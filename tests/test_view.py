@@ -269,6 +269,31 @@ def test_a_pose_set_by_hand_is_shown_and_saved_for_its_frame(viewer: Viewer, lim
     np.testing.assert_allclose(saved.theta, expected, atol=1e-9)
 
 
+def test_a_pose_set_by_hand_is_fitted_to_the_points_and_back(viewer: Viewer, limb: KnownLimb) -> None:
+    anatomy, hand = limb.subject.anatomy, viewer._hand
+    assert hand is not None
+    viewer.timeline._set(4)  # lost: setting begins from frame 3
+    hand._on.value = True
+    set_by_hand = limb.thetas[3].copy()
+    set_by_hand[anatomy.coordinate_index("pro_sup")] += np.deg2rad(10.0)
+    hand._set(set_by_hand)
+    hand._fit_from_here()
+    assert hand._said.content.startswith("Fitted: skin and points are ")
+    assert np.rad2deg(np.abs(hand.theta - limb.thetas[4])[6:]).max() < 3.0
+    skin = viewer.server.scene.get_handle_by_name("/skin/surface")
+    assert np.linalg.norm(skin.vertices - pose_skin(limb.subject.body, limb.thetas[4]), axis=1).mean() < 0.003
+    assert not hand._undo.disabled
+    hand._undo_fit()
+    np.testing.assert_allclose(hand.theta, set_by_hand, atol=1e-9)
+    assert hand._undo.disabled
+    far = set_by_hand.copy()
+    far[4] += 0.45
+    hand._set(far)
+    hand._fit_from_here()
+    assert hand._said.content.startswith("**Not fitted**: from the pose set by hand ")
+    np.testing.assert_allclose(hand.theta, far, atol=1e-9)
+
+
 def test_the_scene_is_one_file_with_all_its_frames(scene: Scene, tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra: view)")
     assert write_embedded(scene, tmp_path / "scene.html", most_frames=6) == 6

@@ -13,6 +13,7 @@ from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
 from capture.errors import BonetrackError
 from capture.rigid import exp_so3, log_so3
 from track.poses_by_hand import UNITS, HandPose, as_shown, from_shown, read_poses, write_poses
+from track.tracker import TrackedFrame
 
 if TYPE_CHECKING:
     import viser
@@ -23,7 +24,8 @@ _REACH_M = 0.5  # how far a translation's slider goes to either side of where it
 class HandPanel:
     """Sliders in the GUI's current place. ``changed`` is called when there is another pose to show.
 
-    ``frame`` tells the frame that is shown, ``start`` the pose (n,) that setting begins from.
+    ``frame`` tells the frame that is shown, ``start`` the pose (n,) that setting begins from, ``fit`` what becomes of a
+    pose (n,) when it is fitted to the frame's points.
     """
 
     def __init__(
@@ -34,12 +36,14 @@ class HandPanel:
         *,
         frame: Callable[[], int],
         start: Callable[[], Floats],
+        fit: Callable[[Floats], TrackedFrame],
         changed: Callable[[], None],
     ) -> None:
         self._server, self._anatomy, self._path = server, anatomy, path
-        self._frame, self._start, self._changed = frame, start, changed
+        self._frame, self._start, self._fitted, self._changed = frame, start, fit, changed
         self._poses = {pose.frame: pose for pose in read_poses(path, anatomy)} if path.exists() else {}
         self._theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])
+        self._before_fit: Floats | None = None
         self._setting = False
         self._on = server.gui.add_checkbox(
             "Show the pose set by hand", False, hint="Instead of the tracked pose of this frame"
@@ -52,11 +56,18 @@ class HandPanel:
             sliders |= {c.name: self._slider(c) for c in anatomy.coordinates if c.name in where}
         self._sliders = [sliders[coordinate.name] for coordinate in anatomy.coordinates]
         self._gizmo = server.scene.add_transform_controls("/hand", scale=0.15, visible=False, line_width=3.0)
+        self._fit = server.gui.add_button(
+            "Fit to the points from here", hint="What tracking makes of this frame when it starts from this pose"
+        )
+        self._undo = server.gui.add_button("Undo the fit", disabled=True)
+        self._said = server.gui.add_markdown("")
         self._name = server.gui.add_text("Name", "")
         self._save = server.gui.add_button(f"Save into {path.name}")
         self._told = server.gui.add_markdown(self._list())
         self._on.on_update(lambda _: self._switched())
         self._take.on_click(lambda _: self._begin())
+        self._fit.on_click(lambda _: self._fit_from_here())
+        self._undo.on_click(lambda _: self._undo_fit())
         self._save.on_click(lambda _: self._keep())
         self._gizmo.on_update(lambda _: self._dragged())
 
@@ -85,7 +96,39 @@ class HandPanel:
         kept = self._poses.get(self._frame())
         self._set(self._start() if kept is None else kept.theta)
         self._name.value = f"frame {self._frame()}" if kept is None else kept.name
+        self._forget_fit()
         self._changed()
+
+    def _fit_from_here(self) -> None:
+        """Replace the pose by the one that is reached from it, if that fits; it can be undone."""
+        if not self._on.value:
+            self._on.value = True
+            self._begin()
+        set_by_hand = self._theta.copy()
+        self._fit.disabled, self._said.content = True, "Fitting ..."
+        try:
+            found = self._fitted(set_by_hand)
+        except BonetrackError as error:
+            self._said.content = f"**Not fitted**: {error}"
+            return
+        finally:
+            self._fit.disabled = False
+        if found.lost:
+            self._said.content = f"**Not fitted**: {found.lost}. Set the pose nearer to the points, and fit again."
+            return
+        self._set(found.theta)
+        self._before_fit, self._undo.disabled = set_by_hand, False
+        self._said.content = _fit_in_words(found, self._anatomy)
+        self._changed()
+
+    def _undo_fit(self) -> None:
+        if self._before_fit is not None:
+            self._set(self._before_fit)
+            self._forget_fit()
+            self._changed()
+
+    def _forget_fit(self) -> None:
+        self._before_fit, self._undo.disabled, self._said.content = None, True, ""
 
     def _set(self, theta: Floats) -> None:
         """Put a pose into the sliders and the handle."""
@@ -149,6 +192,13 @@ class HandPanel:
             return f"No pose saved yet in `{self._path}`."
         rows = [f"- frame {pose.frame}: {pose.name}" for pose in sorted(self._poses.values(), key=lambda p: p.frame)]
         return "\n".join([f"Saved in `{self._path}`:", "", *rows])
+
+
+def _fit_in_words(found: TrackedFrame, anatomy: Anatomy) -> str:
+    hidden = [bone.name for bone, shows in zip(anatomy.bones, found.shown, strict=True) if not shows]
+    words = f"Fitted: skin and points are {1e3 * found.residual_m:.1f} mm apart (median), "
+    words += f"{100.0 * found.coverage:.0f} % of the visible skin found."
+    return f"{words} **Not in sight**, so guessed: {', '.join(hidden)}." if hidden else words
 
 
 def _step(coordinate: Coordinate) -> float:

@@ -14,6 +14,8 @@ import numpy as np
 from adapt.anatomy import Floats
 from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
+from track.fit_from_hand import fit_from_hand
+from track.tracker import TrackedFrame, Tracker, make_tracker
 from track.view.angle_charts import LEGEND, AngleCharts
 from track.view.frames import FrameContent, FrameStore, SeenPoints, distances, pose_body, truth_of
 from track.view.hand_panel import HandPanel
@@ -63,6 +65,8 @@ class Viewer:
         self._lock = threading.RLock()
         self._charts_shown = -np.inf
         self._hand: HandPanel | None = None
+        self._region = region
+        self._tracker: Tracker | None = None
         self._charts: AngleCharts | None = None
         self.frames = FrameStore(scene, region=region)
         self.layers = Layers(server, scene)
@@ -131,6 +135,7 @@ class Viewer:
                     poses,
                     frame=lambda: self.scene.numbers[self.timeline.frame],
                     start=self._start,
+                    fit=self._fit,
                     changed=lambda: self.show(self.timeline.frame),
                 )
 
@@ -156,6 +161,16 @@ class Viewer:
         known = np.flatnonzero(np.isfinite(thetas).all(axis=1))
         start = thetas[known[np.abs(known - self.timeline.frame).argmin()]] if len(known) else subject.thetas[0]
         return np.asarray(start)
+
+    def _fit(self, theta: Floats) -> TrackedFrame:
+        """What tracking makes of the frame that is shown, from the pose theta (n,)."""
+        scene = self.scene
+        if scene.subject is None or scene.recording is None or scene.moments is None:
+            raise ViewError("there is nothing to fit to", remedy="give --subject and --recording")
+        if self._tracker is None:
+            self._tracker = make_tracker(scene.subject)
+        region, moment = self._region or scene.region, scene.moments[self.timeline.frame]
+        return fit_from_hand(self._tracker, scene.recording, moment, theta, region=region)
 
     def _quick(self, k: int) -> FrameContent:
         posed = None
