@@ -52,6 +52,8 @@ def test_the_site_builds_without_a_warning(tmp_path):
     ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (tmp_path / "site" / "first-steps" / "index.html").is_file()
+    in_python = re.sub("<[^>]*>", "", (tmp_path / "site" / "python" / "index.html").read_text(encoding="utf-8"))
+    assert "def main(source: Path, out: Path)" in in_python  # the script itself stands on its page
 
 
 def test_every_link_and_picture_of_the_pages_exists():
