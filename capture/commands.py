@@ -13,7 +13,7 @@ from capture.console import stdout
 from capture.errors import RecordingError
 
 if TYPE_CHECKING:
-    from capture.recording import Recording, Region
+    from capture.recording import Calibration, Recording, Region
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -219,8 +219,6 @@ def record_command(out: Path, seconds: float, sensor: tuple[str, ...], overwrite
 @click.argument("recording", type=_PATH)
 def calibrate_command(recording: Path) -> None:
     """Find where the sensors of RECORDING stand, from its images of the calibration box."""
-    from rich.table import Table
-
     from capture.calibration.calibrate import calibrate_recording, write_calibration
     from capture.recording import open_recording
 
@@ -228,11 +226,31 @@ def calibrate_command(recording: Path) -> None:
     with stdout.status("calibrating"):
         calibration = calibrate_recording(opened)
     write_calibration(opened, calibration)
-    table = Table("sensor", "residual (mm)", "stands at x, y, z (m)")
+    _print_calibration(calibration)
+
+
+def _print_calibration(calibration: Calibration) -> None:
+    from rich.table import Table
+
+    from capture.calibration.calibrate import DOUBTFUL_APART_M
+
+    table = Table("sensor", "residual (mm)", "clouds apart (mm)", "stands at x, y, z (m)")
+    doubtful = []
     for name, sensor in calibration.sensors.items():
         position = "  ".join(f"{x:+.3f}" for x in sensor.world_from_sensor[:3, 3])
-        table.add_row(name, f"{sensor.residual_mm:.2f}", position)
+        apart, deviation = sensor.details["apart_mm"], sensor.details["apart_deviation_mm"]
+        distance = "" if apart is None else f"{apart:.1f} ± {deviation:.1f}"
+        table.add_row(name, f"{sensor.residual_mm:.2f}", distance, position)
+        if apart is not None and apart > 1000.0 * DOUBTFUL_APART_M:
+            doubtful.append(name)
     stdout.print(table)
+    if doubtful:
+        stdout.print(
+            f"warning: the clouds of {', '.join(doubtful)} lie apart from those of the sensors before; if the box was "
+            "moved between the sensors' images of it, record it again, seen by all at once",
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 @click.command("fuse")

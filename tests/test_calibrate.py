@@ -7,12 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 
+from capture.calibration.agreement import apart, surface
 from capture.calibration.box import find_box, symmetries
-from capture.calibration.calibrate import averaged_depth, calibrate_recording, write_calibration
+from capture.calibration.calibrate import (
+    DOUBTFUL_APART_M,
+    averaged_depth,
+    calibrate_recording,
+    write_calibration,
+)
 from capture.camera import Camera, backproject
 from capture.cloud.planes import find_planes
+from capture.commands import calibrate_command
 from capture.errors import CalibrationError
 from capture.recording import Calibration, Recording, RecordingWriter, Sensor, open_recording
 from capture.rigid import apply, exp_so3, inverse, rotation_angle, transform
@@ -422,6 +430,54 @@ def test_a_box_moved_between_the_sensors_images_is_refused(tmp_path: Path) -> No
     moves = {"sensor1": [np.eye(4)], "sensor2": [pushed(0.04)]}
     with pytest.raises(CalibrationError, match=r"'sensor2' saw does not lie on what the others saw.*leave box and"):
         calibrate_recording(with_moved_box(tmp_path / "rec", rig, moves))
+
+
+@pytest.mark.parametrize("seed", [0, 4, 7])
+def test_a_box_moved_by_a_centimetre_between_the_sensors_images_is_refused(tmp_path: Path, seed: int) -> None:
+    way = np.random.default_rng(seed).normal(size=3)
+    moved = transform(np.eye(3), 0.01 * way / np.linalg.norm(way))
+    moves = {"sensor1": [np.eye(4)], "sensor2": [moved]}
+    with pytest.raises(
+        CalibrationError, match=r"'sensor2' saw lies \d+ mm .* from what 'sensor1' saw.*all sensors at"
+    ) as e:
+        calibrate_recording(with_moved_box(tmp_path / "rec", random_rig(seed), moves))
+    assert "clocks" in e.value.remedy
+
+
+def test_a_box_that_stood_still_leaves_the_clouds_on_each_other(tmp_path: Path) -> None:
+    still = {"sensor1": [np.eye(4)], "sensor2": [np.eye(4)]}
+    calibration = calibrate_recording(with_moved_box(tmp_path / "rec", random_rig(4), still))
+    assert calibration.sensors["sensor1"].details["apart_mm"] is None
+    assert calibration.sensors["sensor2"].details["apart_mm"] < 1000.0 * DOUBTFUL_APART_M
+
+
+def test_clouds_that_lie_apart_by_less_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = recorded(tmp_path / "rec", count=2)
+    quiet = CliRunner().invoke(calibrate_command, [str(recording.path)])
+    monkeypatch.setattr("capture.calibration.calibrate.DOUBTFUL_APART_M", 0.0)
+    told = CliRunner().invoke(calibrate_command, [str(recording.path)])
+    assert "warning" not in quiet.output
+    assert "warning: the clouds of sensor2 lie apart" in told.output
+
+
+def test_a_known_motion_between_two_clouds_is_found() -> None:
+    rig = random_rig(0)
+    limbs, faces, _ = arm_motion(2)
+    seen = [
+        [
+            surface(image((limb, faces), s.world_from_sensor, noise=EXACT).astype(np.float32), CAMERA)
+            for s in rig.sensors
+        ]
+        for limb in limbs
+    ]
+    true = inverse(rig.sensors[1].world_from_sensor) @ rig.sensors[0].world_from_sensor
+    pairs = [(first, second) for first, second in seen]
+    right, moved = apart(pairs, true), apart(pairs, transform(np.eye(3), np.array([0.0, 0.0, 0.01])) @ true)
+    assert right is not None
+    assert right.distance_m < 0.001
+    assert moved is not None
+    assert moved.distance_m == pytest.approx(0.01, abs=0.003)
+    assert apart(pairs, transform(np.eye(3), np.array([5.0, 0.0, 0.0])) @ true) is None
 
 
 def test_sensors_that_face_each_other_see_no_face_in_common_and_are_still_calibrated(tmp_path: Path) -> None:

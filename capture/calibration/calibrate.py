@@ -2,7 +2,8 @@
 
 Each sensor finds the box by itself. A box looks the same after half turns about its axes (and more, if sides are
 equal), so the sensors may mean different corners by the same words. What settles it is the recording itself: of all
-ways to read the box, only the true one lays what the sensors saw at the same instant onto each other.
+ways to read the box, only the true one lays what the sensors saw at the same instant onto each other. How well it does
+so then tells whether the box stood in one place for all sensors.
 
 The common frame is the box's, as the first sensor reads it: origin at the box's centre, axes along its edges in the
 order of the stated size, the first sensor on the positive side of the first two.
@@ -18,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.calibration.agreement import Apart, apart, surface
 from capture.calibration.box import BoxFit, displacement, find_box, symmetries
 from capture.camera import Camera, backproject, project
 from capture.errors import CalibrationError
@@ -42,6 +44,9 @@ _AGREEMENT_FLOOR_M, _AGREEMENT_GROWTH = 0.015, 0.003  # tolerance at depth z: fl
 _SILHOUETTE_PX = 5  # a reading missing nearer than this to others says nothing
 _FEW = 0.02  # of all points; so many must agree before a score means much
 _LEAST_SCORE, _LEAST_MARGIN = 0.3, 0.3
+DOUBTFUL_APART_M = 0.0025  # sound calibrations of simulated Carmines left 0.3 to 1 mm at 1.2 m, 2 mm at 2.2 m
+_FAR_APART_M = 0.005
+_SURELY = 2.0  # standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +64,14 @@ def calibrate_recording(recording: Recording) -> Calibration:
     """Find where each sensor stands.
 
     The details of each sensor's calibration: ``box_points``, ``box_faces``, ``face_angles_deg``,
-    ``measured_size_mm``, and ``ambiguity_margin``: by how much the chosen reading of the box beats the next best
-    (2 is the most there can be; the first sensor has none).
+    ``measured_size_mm``; ``ambiguity_margin``: by how much the chosen reading of the box beats the next best
+    (2 is the most there can be); ``apart_mm`` and ``apart_deviation_mm``: how far its clouds of the recording lie from
+    those of the sensors before it. The first sensor has none of the last three, and where sensors do not see the same
+    surface there is no telling how far apart it is.
 
     Raises:
-        CalibrationError: no stated box, no box frames, no box found (see ``box``), it moved, or the recording
-            does not tell which way round the sensors see the box.
+        CalibrationError: no stated box, no box frames, no box found (see ``box``), it moved, the recording
+            does not tell which way round the sensors see the box, or their clouds do not lie on each other.
     """
     if recording.box_size_m is None:
         raise CalibrationError(
@@ -73,8 +80,12 @@ def calibrate_recording(recording: Recording) -> Calibration:
             remedy="add its size to recording.json",
         )
     fits = {sensor.name: _fit(recording, sensor, recording.box_size_m) for sensor in recording.sensors}
-    poses, margins = _resolved(recording, fits, symmetries(recording.box_size_m))
-    return Calibration({name: _report(fit, poses[name], margins.get(name)) for name, fit in fits.items()})
+    looks = _looks(recording) if len(recording.sensors) > 1 else []
+    poses, margins = _resolved(recording, fits, symmetries(recording.box_size_m), looks)
+    distances = _distances(recording, looks, poses)
+    return Calibration(
+        {name: _report(fit, poses[name], margins.get(name), distances.get(name)) for name, fit in fits.items()}
+    )
 
 
 def write_calibration(recording: Recording, calibration: Calibration) -> None:
@@ -143,7 +154,7 @@ def _spread(count: int, most: int) -> list[int]:
     return sorted({round(i) for i in np.linspace(0, count - 1, most)})
 
 
-def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None) -> SensorCalibration:
+def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None, distance: Apart | None) -> SensorCalibration:
     return SensorCalibration(
         world_from_sensor,
         residual_mm=1000.0 * fit.residual_m,
@@ -153,20 +164,19 @@ def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None) -> Sen
             "face_angles_deg": list(fit.face_angles_deg),
             "measured_size_mm": [1000.0 * side for side in fit.measured_size_m],
             "ambiguity_margin": margin,
+            "apart_mm": None if distance is None else 1000.0 * distance.distance_m,
+            "apart_deviation_mm": None if distance is None else 1000.0 * distance.deviation_m,
         },
     )
 
 
 def _resolved(
-    recording: Recording, fits: Mapping[str, BoxFit], readings: list[Floats]
+    recording: Recording, fits: Mapping[str, BoxFit], readings: list[Floats], looks: list[dict[str, _Look]]
 ) -> tuple[dict[str, Floats], dict[str, float]]:
     """World from sensor (4, 4) by name, one sensor after the other, and the margins of the decisions."""
     first, *others = recording.sensors
     poses = {first.name: fits[first.name].box_from_sensor}
     margins: dict[str, float] = {}
-    if not others:
-        return poses, margins
-    looks = _looks(recording)
     for sensor in others:
         candidates = [transform(turn, np.zeros(3)) @ fits[sensor.name].box_from_sensor for turn in readings]
         scores = [_score(looks, sensor.name, candidate, poses) for candidate in candidates]
@@ -189,6 +199,38 @@ def _resolved(
             )
         poses[sensor.name], margins[sensor.name] = candidates[best], margin
     return poses, margins
+
+
+def _distances(recording: Recording, looks: list[dict[str, _Look]], poses: Mapping[str, Floats]) -> dict[str, Apart]:
+    """How far the clouds of each sensor but the first lie from those of one before it, the worst of all.
+
+    Raises:
+        CalibrationError: too far.
+    """
+    seen = [{name: surface(look.depth, look.camera) for name, look in moment.items()} for moment in looks]
+    names = [sensor.name for sensor in recording.sensors]
+    found: dict[str, Apart] = {}
+    for number, name in enumerate(names):
+        for other in names[:number]:
+            pairs = [(moment[name], moment[other]) for moment in seen if name in moment and other in moment]
+            distance = apart(pairs, inverse(poses[other]) @ poses[name]) if pairs else None
+            if distance is None:
+                continue
+            _refuse_far(recording, name, other, distance)
+            if name not in found or distance.distance_m > found[name].distance_m:
+                found[name] = distance
+    return found
+
+
+def _refuse_far(recording: Recording, name: str, other: str, distance: Apart) -> None:
+    if distance.distance_m < max(_FAR_APART_M, _SURELY * distance.deviation_m):
+        return
+    raise CalibrationError(
+        f"what sensor {name!r} saw lies {1000 * distance.distance_m:.0f} mm (standard deviation "
+        f"{1000 * distance.deviation_m:.0f} mm) from what {other!r} saw at the same time",
+        where=recording.path,
+        remedy="show the box to all sensors at once and move neither it nor them; check that the clocks agree",
+    )
 
 
 def _looks(recording: Recording) -> list[dict[str, _Look]]:
