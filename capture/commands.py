@@ -13,6 +13,7 @@ from capture.console import stdout
 from capture.errors import RecordingError
 
 if TYPE_CHECKING:
+    from capture.importers import ShownBox
     from capture.recording import Calibration, Recording, Region
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -49,6 +50,44 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
     if not (minimum < maximum).all():
         raise click.BadParameter("the first three numbers must be below the last three", param_hint="--region")
     return Region(minimum, maximum)
+
+
+def box_options(command: Command) -> Command:
+    """Add the options ``--box`` and ``--box-seconds``: which frames show the calibration box."""
+    sides = click.option(
+        "--box",
+        type=click.FloatRange(0, min_open=True),
+        nargs=3,
+        default=None,
+        help="Sides of the calibration box (m).",
+    )
+    when = click.option(
+        "--box-seconds", type=float, nargs=2, default=None, help="From when to when the box, and nobody, is shown (s)."
+    )
+    return sides(when(command))
+
+
+def _shown_box(
+    sides: tuple[float, float, float] | None, seconds: tuple[float, float] | None, sources: tuple[Path, ...] = ()
+) -> ShownBox | None:
+    """What the options say of the box.
+
+    Raises:
+        click.BadParameter: the box is shown, but its sides are not stated; or the time is none.
+    """
+    from capture.importers import ShownBox
+
+    if sides is None:
+        if seconds is not None or sources:
+            raise click.BadParameter("its sides are needed where it is said to be shown", param_hint="--box")
+        return None
+    return ShownBox(sides, _span(seconds, "--box-seconds"), sources)
+
+
+def _span(seconds: tuple[float, float] | None, option: str) -> tuple[float, float] | None:
+    if seconds is not None and not seconds[0] < seconds[1]:
+        raise click.BadParameter("the first must be before the second", param_hint=option)
+    return seconds
 
 
 _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tum", "redwood", "clouds", "png", "raw")
@@ -98,6 +137,11 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
     help="By how many seconds each SOURCE's first frame comes after that of the one before; 'motion': find it by what "
     "moves; 'clock': they share one clock.",
 )
+@box_options
+@click.option("--box-source", type=_PATH, multiple=True, help="A file of the box alone, once for each SOURCE, instead.")
+@click.option(
+    "--seconds", type=float, nargs=2, default=None, help="Keep only what is from then to then (s), and the box."
+)
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
 def import_command(
     sources: tuple[Path, ...],
@@ -115,13 +159,18 @@ def import_command(
     fps: float | None,
     sensor: tuple[str, ...],
     offset: str,
+    box: tuple[float, float, float] | None,
+    box_seconds: tuple[float, float] | None,
+    box_source: tuple[Path, ...],
+    seconds: tuple[float, float] | None,
     overwrite: bool,
 ) -> None:
     """Make one recording of each SOURCE, a sensor's file or folder.
 
     Reads what Azure Kinect (.mkv), RealSense (.bag, .db3) and OpenNI (.oni) record; folders laid out like TUM's and
     Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG, raw
-    16-bit little-endian dumps), for which --fx is needed.
+    16-bit little-endian dumps), for which --fx is needed. --seconds and --box-seconds count from the first depth frame
+    of the first SOURCE.
     """
     from capture.importers import Stated, import_recording
 
@@ -146,6 +195,8 @@ def import_command(
             format_name=format_name,
             sensor_names=sensor,
             offset=_offset(offset),
+            box=_shown_box(box, box_seconds, box_source),
+            seconds=_span(seconds, "--seconds"),
             overwrite=overwrite,
             progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
         )
@@ -182,9 +233,10 @@ def _print_imported(recording: Recording) -> None:
     for sensor in recording.sensors:
         camera = sensor.camera
         colour = "" if sensor.colour is None else f", {len(sensor.colour.frames)} colour images"
+        box = f", {len(sensor.box_frames)} of the box" if sensor.box_frames else ""
         stdout.print(
             f"{recording.path}: {len(sensor.frames)} frames of {camera.width} x {camera.height} px, "
-            f"unit {sensor.depth_unit_m * 1000:g} mm, fx {camera.fx:.1f} px{colour}",
+            f"unit {sensor.depth_unit_m * 1000:g} mm, fx {camera.fx:.1f} px{box}{colour}",
             highlight=False,
             soft_wrap=True,
         )
@@ -197,11 +249,20 @@ def _print_imported(recording: Recording) -> None:
     "--seconds", type=click.FloatRange(0, min_open=True), required=True, help="How long; Ctrl-C ends it before."
 )
 @click.option("--sensor", multiple=True, help="A camera's name, once for each [default: sensor, or sensor-1, ...].")
+@box_options
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
-def record_command(out: Path, seconds: float, sensor: tuple[str, ...], overwrite: bool) -> None:
+def record_command(
+    out: Path,
+    seconds: float,
+    sensor: tuple[str, ...],
+    box: tuple[float, float, float] | None,
+    box_seconds: tuple[float, float] | None,
+    overwrite: bool,
+) -> None:
     """Record the depth of all RealSense cameras that are connected."""
     from capture.live import connected, record
 
+    shown = _shown_box(box, box_seconds)
     devices = connected(out)
     with stdout.status("waiting for frames") as status:
         recording = record(
@@ -209,6 +270,7 @@ def record_command(out: Path, seconds: float, sensor: tuple[str, ...], overwrite
             out,
             seconds=seconds,
             sensor_names=sensor,
+            box=shown,
             overwrite=overwrite,
             progress=lambda now, written, lost: status.update(f"{now:.1f} s: {written} frames, {lost} lost"),
         )

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from capture.errors import RecordingError
+from capture.importers.parts import Parts, ShownBox
 from capture.importers.realsense import Lens, camera_of
 from capture.importers.source import DEPTH_RANGE_M, optional_module
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
@@ -62,10 +63,13 @@ def record(
     *,
     seconds: float,
     sensor_names: Sequence[str] = (),
+    box: ShownBox | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Recording:
     """Record devices of ``pyrealsense2`` for so long, each a sensor; time 0 is the first frame of any.
+
+    Frames of the time at which the ``box`` is shown are kept apart from the others.
 
     Ctrl-C ends the recording early, and what was recorded stays.
 
@@ -86,13 +90,15 @@ def record(
     ]
     sensors = [camera.sensor for camera in cameras]
     with RecordingWriter(out, sensors=sensors, created_by="bonetrack record", overwrite=overwrite) as writer:
+        if box is not None:
+            writer.set_box(box.size_m)
         started: list[_Camera] = []
         try:
             for camera, profile in zip(cameras, profiles, strict=True):
                 camera.device.open(profile)
                 started.append(camera)
                 camera.device.start(camera.queue)
-            _write(writer, cameras, seconds, progress)
+            _write(writer, cameras, seconds, Parts(None if box is None else box.seconds), progress)
         except KeyboardInterrupt:
             if not any(camera.written for camera in cameras):
                 raise
@@ -105,7 +111,9 @@ def record(
     return open_recording(out)
 
 
-def _write(writer: RecordingWriter, cameras: list[_Camera], seconds: float, progress: Progress | None) -> None:
+def _write(
+    writer: RecordingWriter, cameras: list[_Camera], seconds: float, parts: Parts, progress: Progress | None
+) -> None:
     """Write what the cameras give until ``seconds`` are recorded."""
     zero_s: float | None = None
     heard = time.monotonic()
@@ -130,20 +138,21 @@ def _write(writer: RecordingWriter, cameras: list[_Camera], seconds: float, prog
             zero_s = time_s if zero_s is None else zero_s
             if time_s - zero_s >= seconds:
                 return
-            _write_frame(writer, camera, frame, time_s - zero_s)
+            _write_frame(writer, camera, frame, time_s - zero_s, parts)
         if progress is not None and zero_s is not None:
             latest = max(camera.last_s for camera in cameras if camera.last_s is not None)
             progress(latest, sum(camera.written for camera in cameras), sum(camera.lost for camera in cameras))
 
 
-def _write_frame(writer: RecordingWriter, camera: _Camera, frame: Any, time_s: float) -> None:
+def _write_frame(writer: RecordingWriter, camera: _Camera, frame: Any, time_s: float, parts: Parts) -> None:
     """Write a frame, unless it is one that was given already; count those that never came."""
     number = int(frame.get_frame_number())
     if camera.last_s is not None and not time_s > camera.last_s:
         return
     if camera.last_number is not None and number > camera.last_number + 1:
         camera.lost += number - camera.last_number - 1
-    writer.add_frame(camera.sensor.name, np.asanyarray(frame.get_data()), time_s)
+    add = writer.add_box_frame if parts.of(time_s) == "box" else writer.add_frame
+    add(camera.sensor.name, np.asanyarray(frame.get_data()), time_s)
     camera.last_s, camera.last_number = time_s, number
     camera.written += 1
 

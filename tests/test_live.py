@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from capture.commands import record_command
 from capture.errors import RecordingError
+from capture.importers import ShownBox
 from capture.live import connected, record
 from tests.sensor_files import scene
 from tests.test_import_files import images
@@ -73,6 +74,16 @@ def test_frames_reach_the_recording_with_times_unit_and_camera(tmp_path):
     for index, image in enumerate(images(recording)):
         np.testing.assert_array_equal(image, shown[(first + index) % 3])
     assert told[-1][1:] == (15, 0)
+
+
+def test_what_is_shown_first_is_the_boxs(tmp_path):
+    with Player() as device:
+        box = ShownBox((0.3, 0.2, 0.15), seconds=(0.0, 0.09))
+        recording = record([device], tmp_path / "rec", seconds=0.2, box=box)
+    (sensor,) = recording.sensors
+    assert recording.box_size_m == (0.3, 0.2, 0.15)
+    assert (len(sensor.box_frames), len(sensor.frames)) == (5, 5)
+    assert sensor.frames[0].time_s == pytest.approx(0.1)
 
 
 def test_two_cameras_with_one_clock_become_two_sensors(tmp_path):

@@ -36,6 +36,7 @@ from capture.recording import (
 from capture.rigid import Floats, apply, inverse, transform
 
 _NEAR_MEDIAN_M = 0.02  # readings farther from a pixel's median over the box frames are not averaged
+_AVERAGED = 60  # of the box frames, at most, spread over them: all are in memory at once
 _BOX_IMAGES = 5  # compared to see that the box stood still
 _LARGEST_MOVE_M = 0.003  # a single image of a Carmine at 1.2 m shows the corners half a millimetre off
 _INSTANTS = 12  # compared to settle the ambiguity
@@ -97,7 +98,9 @@ def averaged_depth(sensor: Sensor, frames: tuple[FrameFile, ...]) -> NDArray[np.
     """One depth image (H, W) m of a scene that does not move; 0 where most frames have no reading.
 
     A pixel is the mean of its readings near their median: the median alone would stay on the sensor's coarse steps.
+    Of many frames some are taken, spread over all.
     """
+    frames = tuple(frames[i] for i in _spread(len(frames), _AVERAGED))
     stack = np.stack([read_depth(sensor, frame) for frame in frames])
     stack[stack == 0.0] = np.nan
     usual = np.count_nonzero(np.isfinite(stack), axis=0) * 2 > len(frames)

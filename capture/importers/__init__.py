@@ -3,6 +3,7 @@
 from capture.importers.formats import FORMATS, open_source
 from capture.importers.images import Kind, import_images, natural_order, source_files
 from capture.importers.offset import Motion, Offset, estimate_offset, motion_of
+from capture.importers.parts import ShownBox
 from capture.importers.run import import_recording
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
 
@@ -13,6 +14,7 @@ __all__ = [
     "Kind",
     "Motion",
     "Offset",
+    "ShownBox",
     "Source",
     "Stated",
     "estimate_offset",

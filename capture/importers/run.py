@@ -12,6 +12,7 @@ from typing import Literal
 from capture.errors import RecordingError
 from capture.importers.formats import open_source
 from capture.importers.offset import estimate_offset, motion_of
+from capture.importers.parts import Parts, ShownBox, Span
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
@@ -30,6 +31,8 @@ def import_recording(
     format_name: str | None = None,
     sensor_names: Sequence[str] = (),
     offset: Literal["motion", "clock"] | float = "motion",
+    box: ShownBox | None = None,
+    seconds: Span | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Recording:
@@ -43,12 +46,15 @@ def import_recording(
         sensor_names: the sensors' names [``sensor``, or ``sensor-1``, ``sensor-2``, ...].
         offset: of several sensors, by how much the first depth frame of each comes after that of the one before (s);
             or ``motion``, to find it by what moves; or ``clock``, if their files were written by one clock.
+        box: which frames show the calibration box; they are kept apart from the others.
+        seconds: keep only what was recorded in this time, and the box's frames.
         overwrite: replace a recording that stands there already.
         progress: called after each frame.
 
     Raises:
         RecordingError: a file is missing, empty, damaged, of another kind, or without depth; too little is known of
-            the camera; motion tells no offset; or ``out`` is in use.
+            the camera; motion tells no offset; no frames of the box, or of anything else, are at the stated times; or
+            ``out`` is in use.
     """
     listed = [paths] if isinstance(paths, Path) else list(paths)
     names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
@@ -58,6 +64,10 @@ def import_recording(
     def opened(path: Path) -> Source:
         return open_source(path, stated or Stated(), name=format_name)
 
+    shown = box.paths if box is not None and box.paths else ()
+    if shown and len(shown) != len(listed):
+        raise RecordingError(f"{len(listed)} sensors need as many files of the box, not {len(shown)}", where=out)
+    parts = Parts(box.seconds if box is not None else None, seconds)
     sources = [opened(path) for path in listed]
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
@@ -65,8 +75,12 @@ def import_recording(
     what = " and ".join(f"{path.name}, times by {source.times}" for path, source in zip(listed, sources, strict=True))
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
+        if box is not None:
+            writer.set_box(box.size_m)
+        for path, sensor in zip(shown, sensors, strict=False):
+            write_box_frames(writer, sensor, opened(path), path)
         for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
-            write_frames(writer, sensor, source, path, shift_s=shift, progress=progress)
+            write_frames(writer, sensor, source, path, shift_s=shift, parts=parts, progress=progress)
     return open_recording(out)
 
 
@@ -109,6 +123,27 @@ def _shifts(
     return shifts, told
 
 
+def write_box_frames(writer: RecordingWriter, sensor: Sensor, source: Source, path: Path) -> None:
+    """Write all depth frames of a source as the box's; its first has time 0.
+
+    Raises:
+        RecordingError: it is of another camera, has no depth frame, or whatever the reader finds wrong.
+    """
+    if (source.sensor.camera, source.sensor.depth_unit_m) != (sensor.camera, sensor.depth_unit_m):
+        raise RecordingError(
+            f"was recorded by another camera than {sensor.name!r} or in another mode",
+            where=path,
+            remedy="give the files of the box in the order of the others, recorded with the same settings",
+        )
+    first = None
+    for frame in source.frames:
+        if isinstance(frame, DepthFrame):
+            first = frame.time_s if first is None else first
+            writer.add_box_frame(sensor.name, frame.readings, frame.time_s - first)
+    if first is None:
+        raise RecordingError("has no depth frames", where=path, remedy="record or copy it again")
+
+
 def write_frames(
     writer: RecordingWriter,
     sensor: Sensor,
@@ -116,19 +151,22 @@ def write_frames(
     path: Path,
     *,
     shift_s: float,
+    parts: Parts,
     progress: Progress | None = None,
 ) -> None:
-    """Write all frames of a source, ``shift_s`` later than the source says.
+    """Write the frames of a source, ``shift_s`` later than the source says, each to its part of the recording.
 
     Colour images out of order are left out, and so are those long before the first depth frame.
 
     Raises:
-        RecordingError: no depth frame, depth out of order, or whatever the reader finds wrong.
+        RecordingError: no depth frame of a part, depth out of order, or whatever the reader finds wrong.
     """
     count = 0
+    written = {"box": 0, "person": 0, "neither": 0}
     last_colour = last_depth = -math.inf
     early: deque[ColourFrame] = deque(maxlen=_EARLY_COLOUR)
     for frame in source.frames:
+        part = parts.of(frame.time_s + shift_s)
         if isinstance(frame, DepthFrame):
             if not frame.time_s > last_depth:
                 raise RecordingError(
@@ -137,11 +175,14 @@ def write_frames(
                     remedy="record or copy it again",
                 )
             last_depth = frame.time_s
-            writer.add_frame(sensor.name, frame.readings, frame.time_s + shift_s)
+            if part != "neither":
+                add = writer.add_box_frame if part == "box" else writer.add_frame
+                add(sensor.name, frame.readings, frame.time_s + shift_s)
+            written[part] += 1
             count += 1
             if progress is not None:
                 progress(sensor.name, count, source.count)
-        else:
+        elif part != "neither":
             early.append(frame)
         while early and count:
             colour = early.popleft()
@@ -150,3 +191,21 @@ def write_frames(
                 writer.add_colour(sensor.name, colour.image, colour.time_s + shift_s)
     if count == 0:
         raise RecordingError("has no depth frames", where=path, remedy="record or copy it again")
+    _refuse_empty(parts, written, last_depth + shift_s, path)
+
+
+def _refuse_empty(parts: Parts, written: dict[str, int], last_s: float, path: Path) -> None:
+    """Raise RecordingError if a part that was asked for got no frame."""
+    if parts.box is not None and not written["box"]:
+        raise RecordingError(
+            f"has no frames of the box, from {parts.box[0]:g} to {parts.box[1]:g} s",
+            where=path,
+            remedy=f"state --box-seconds of the recording's time, which ends at {last_s:.2f} s",
+        )
+    if not written["person"]:
+        told = "" if parts.person is None else f", from {parts.person[0]:g} to {parts.person[1]:g} s"
+        raise RecordingError(
+            f"has no frames of a person{told}" if told else "has no frames but those of the box",
+            where=path,
+            remedy=f"state other times; the recording ends at {last_s:.2f} s",
+        )
