@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from capture.errors import CloudError
+from capture.recording import open_recording
+from tests.known_limb import ANATOMY, KnownLimb
 from track.batch.items import BatchError, Item, read_items
 from track.batch.run import TABLE, run_batch, write_table
 from track.batch.work import Row, adapt_and_track, finished, run_item
@@ -130,6 +133,23 @@ def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, content: str, sa
     table.write_text(content)
     with pytest.raises(BatchError, match=saying):
         read_items(table)
+
+
+def test_a_recording_that_nobody_calibrated_is_calibrated_first(limb: KnownLimb, tmp_path: Path) -> None:
+    recording = tmp_path / "rec"
+    shutil.copytree(limb.recording.path, recording)
+    (recording / "calibration.json").unlink()
+    for sensor in limb.recording.sensors:  # a few frames are enough
+        listed = recording / sensor.name / "frames.csv"
+        listed.write_text("".join(listed.read_text().splitlines(keepends=True)[:4]))
+    subject = limb.recording.path.parent / "subject.npz"
+    row = run_item(Item("arm", recording, ANATOMY, subject), tmp_path / "out" / "arm", adapt_and_track)
+    assert (row.error, row.frames, row.lost) == ("", 3, 0)
+    assert open_recording(recording).calibration is not None
+    (recording / "calibration.json").unlink()
+    (recording / "sensor2" / "box.csv").unlink()
+    row = run_item(Item("bare", recording, ANATOMY, subject), tmp_path / "out" / "bare", adapt_and_track)
+    assert "sensor2: there are no images of the calibration box; record the box" in row.error
 
 
 def test_a_missing_recording_fails_alone_and_a_bad_file_is_no_table(tmp_path: Path) -> None:

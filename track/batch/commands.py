@@ -31,7 +31,8 @@ def batch_command(
 ) -> None:
     """Adapt and track all recordings of SOURCE: a folder, or a CSV of recording, anatomy, name, subject, region.
 
-    The same command goes on where it was stopped, and tries again what failed.
+    Recordings of several sensors that were not calibrated are calibrated first. The same command goes on where it was
+    stopped, and tries again what failed.
     """
     from rich.progress import Progress
 

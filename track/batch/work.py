@@ -1,4 +1,4 @@
-"""The work on one item: adapt, track, and keep what the table says of it.
+"""The work on one item: calibrate where nobody has, adapt, track, and keep what the table says of it.
 
 An item's folder holds ``item.json`` (what it was made from), ``subject.npz``, ``motion/`` and, written last,
 ``row.json``. An item whose row is there is finished and never worked on again; adapting and tracking go on where they
@@ -12,10 +12,14 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 from track.batch.items import BatchError, Item
+
+if TYPE_CHECKING:
+    from capture.recording import Recording
 
 ITEM, ROW = "item.json", "row.json"
 
@@ -74,13 +78,37 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     from capture.recording import Region, open_recording
     from track.run import track_recording
 
-    recording = open_recording(item.recording)
+    recording = _calibrated(open_recording(item.recording))
     region = None if item.region is None else Region(np.array(item.region[:3]), np.array(item.region[3:]))
     subject_file = item.subject or folder / "subject.npz"
     if item.subject is None and not subject_file.is_file():
         adapt_into(subject_file, recording, load_anatomy(item.anatomy), region=region)
     subject = load_subject(subject_file, anatomy=item.anatomy)
     return _row(item.name, track_recording(recording, subject, folder / "motion", region=region))
+
+
+def _calibrated(recording: Recording) -> Recording:
+    """A recording of several sensors that nobody calibrated, calibrated; others as they are.
+
+    Raises:
+        CalibrationError: its box does not tell where the sensors stand.
+        BatchError: nothing can be written beside it.
+    """
+    from capture.calibration.calibrate import calibrate_recording, write_calibration
+    from capture.recording import open_recording
+
+    if len(recording.sensors) == 1 or recording.calibration is not None:
+        return recording
+    calibration = calibrate_recording(recording)
+    try:
+        write_calibration(recording, calibration)
+    except OSError as error:
+        raise BatchError(
+            f"is not calibrated, and its calibration cannot be kept in it ({error.strerror})",
+            where=recording.path,
+            remedy="run `bonetrack calibrate` on a copy that can be written to",
+        ) from error
+    return open_recording(recording.path)
 
 
 def _row(name: str, motion) -> Row:  # type: ignore[no-untyped-def]
