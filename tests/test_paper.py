@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation import paper
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import carried
 from track.evaluation.paper import ON_REAL_ANATOMY, on_real_anatomy, run_case, section
@@ -63,3 +65,15 @@ def test_experiments_on_real_anatomy_are_left_out_with_a_reason_where_it_is_not(
     assert "no--anatomy-datagiven" in told
     assert "nosuchfolder" in told
     assert [experiment.name for experiment in on_real_anatomy(tmp_path)] == list(ON_REAL_ANATOMY)
+
+
+def test_some_cases_are_run_and_those_run_before_are_shown_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs: list[str] = []
+    monkeypatch.setattr(paper, "EXPERIMENTS", (counting(runs),))
+    for wanted, shown in (("2", ["seed 2"]), ("1", ["seed 1", "seed 2"])):
+        CliRunner().invoke(paper.main, ["--out", str(tmp_path), "--matching", wanted], catch_exceptions=False)
+        said = capsys.readouterr().out
+        assert [case for case in ("seed 1", "seed 2") if case in said] == shown
+    assert runs == ["seed 2", "seed 1"]

@@ -1,9 +1,10 @@
 """The paper's experiments, redone with a truth that its authors could not have.
 
-    python -m track.evaluation.paper --out DIR [--only NAME ...] [--anatomy-data DIR] [--page docs/evaluation.md]
+    python -m track.evaluation.paper --out DIR [--only NAME ...] [--matching TEXT] [--anatomy-data DIR]
+        [--page docs/evaluation.md]
 
 A heavy evaluation, not a test. Each case's result is a file DIR/EXPERIMENT/CASE.json; a run that was cut short
-goes on. The page is written from what has been run.
+goes on. The page is written from what is to be run and what has been run before.
 """
 
 from __future__ import annotations
@@ -48,10 +49,15 @@ ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
 NAMES = (*(experiment.name for experiment in EXPERIMENTS), *ON_REAL_ANATOMY)
 
 
+def result_file(experiment: Experiment, case: str, out: Path) -> Path:
+    """Where the result of a case is kept."""
+    return out / experiment.name / f"{case.replace(' ', '-')}.json"
+
+
 def run_case(experiment: Experiment, case: str, out: Path) -> Result:
     """The result of a case: read, if it has been run; otherwise run and kept."""
-    folder = out / experiment.name / case.replace(" ", "-")
-    done = folder.with_suffix(".json")
+    done = result_file(experiment, case, out)
+    folder = done.with_suffix("")
     if not done.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         with stdout.status(f"{experiment.title}: {case}"):
@@ -85,15 +91,22 @@ def on_real_anatomy(data: Path | None) -> list[Experiment]:
     help="Some experiments.",
 )
 @click.option("--cases", type=int, help="At most so many cases of each.")
+@click.option(
+    "--matching", default="", metavar="TEXT", help="Run only cases whose name has this, such as 'arm clocks'."
+)
 @click.option("--anatomy-data", type=click.Path(path_type=Path, file_okay=False), help="Folder of real anatomy.")
 @click.option("--page", type=click.Path(path_type=Path), help="The Markdown page to write; pictures go beside it.")
-def main(out: Path, only: tuple[str, ...], cases: int | None, anatomy_data: Path | None, page: Path | None) -> None:
+def main(
+    out: Path, only: tuple[str, ...], cases: int | None, matching: str, anatomy_data: Path | None, page: Path | None
+) -> None:
     """Run the experiments and write the page."""
     sections = []
     for experiment in (*EXPERIMENTS, *on_real_anatomy(anatomy_data)):
         if only and experiment.name not in only:
             continue
-        results = {case: run_case(experiment, case, out) for case in experiment.cases[:cases]}
+        asked = [case for case in experiment.cases[:cases] if matching in case]
+        told = [case for case in experiment.cases if case in asked or result_file(experiment, case, out).is_file()]
+        results = {case: run_case(experiment, case, out) for case in told}
         images = (page.parent if page else out) / "images"
         sections.append(section(experiment, results, images))
         stdout.print(sections[-1], markup=False, highlight=False)
