@@ -12,13 +12,14 @@ from scipy.spatial import cKDTree
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.fit.correspondences import visible_from
 from adapt.fit.nearest import PointGrid
+from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera
-from capture.cloud.fuse import View, spread
+from capture.cloud.fuse import Cloud, View, spread
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.compiled import compiled, compiled_sums
 from capture.rigid import apply, exp_so3, transform
@@ -105,6 +106,29 @@ def test_a_sensor_sees_what_it_sees_through_a_lens_that_hardly_distorts() -> Non
     seen = visible_from(view, points, normals)
     np.testing.assert_array_equal(seen, visible_from(lens, points, normals))
     assert 0.05 < seen.mean() < 0.5
+
+
+def test_placements_cost_what_they_cost_in_plain_arrays() -> None:
+    """Two sensors over a wall with holes, the vertices a blob on and around it, some of it beyond the images."""
+    rng = np.random.default_rng(9)
+    views = []
+    for turned in (-0.2, 0.3):
+        depth = np.where(rng.random((60, 80)) < 0.8, rng.uniform(0.9, 1.1, (60, 80)), 0.0).astype(np.float32)
+        depth[:, 60:] = 0.0
+        stands = transform(exp_so3(np.array([0.0, turned, 0.0])), np.array([-turned, 0.0, 0.0]))
+        views.append(View("one", Camera(80, 60, 70.0, 72.0, 39.0, 31.0), stands, depth))
+    points = rng.uniform(-0.3, 0.3, (500, 3)) + np.array([0.0, 0.0, 1.0])
+    still = np.zeros(len(points), dtype=bool)
+    scene = Scene(Cloud(points, np.zeros_like(points), still, still.astype(np.int64), tuple(views)))
+    placed = rng.normal(0.0, 0.1, (40, 30, 3)) + rng.normal(0.0, 0.3, (40, 1, 3)) + np.array([0.0, 0.0, 1.0])
+    normals = rng.normal(size=placed.shape)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    placements = Placements(placed, normals, rng.uniform(size=(40, 30)) * (normals[..., 2] < 0.0), rng.uniform(size=30))
+    np.testing.assert_allclose(costs(scene, placements), costs_by_arrays(scene, placements), atol=1e-6)
+    lens = tuple(replace(view, camera=replace(view.camera, distortion=(1e-12, 0.0, 0.0, 0.0))) for view in views)
+    through_lens = Scene(replace(scene.cloud, views=lens))
+    np.testing.assert_allclose(costs(through_lens, placements), costs(scene, placements), atol=1e-6)
+    assert np.ptp(costs(scene, placements)) > 0.05
 
 
 @pytest.mark.parametrize("kind", [compiled, compiled_sums])

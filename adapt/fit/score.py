@@ -16,16 +16,17 @@ from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin
 from adapt.model.surface import vertex_areas
 from capture.cloud.fuse import Cloud
+from capture.cloud.preprocess import Image
 
 FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
 _NEAR_M = 0.025  # skin this near to the cloud is found
 ATTACHED_M = 0.03  # what a limb whose whole outline lies on other surface costs
 VOID_M = 0.06  # what a limb that lies in empty space altogether costs
-_BESIDE_M = 0.035  # how far beside the outline to look for other surface
-_SAME_SURFACE_M = 0.035  # surface this near in depth goes on beyond the outline
-_SEEN_PAST_M = 0.06  # a sensor that measures this much behind a vertex has looked past it
+BESIDE_M = 0.035  # how far beside the outline to look for other surface
+SAME_SURFACE_M = 0.035  # surface this near in depth goes on beyond the outline
+SEEN_PAST_M = 0.06  # a sensor that measures this much behind a vertex has looked past it
 _AROUND_PX, _NOTHING_M = 7, 1e6
-_OUTLINE = 0.35  # cosine between normal and line of sight below which skin belongs to the outline
+OUTLINE = 0.35  # cosine between normal and line of sight below which skin belongs to the outline
 
 
 @dataclass(frozen=True)
@@ -121,12 +122,12 @@ def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Float
     for view in cloud.views:
         eye = view.world_from_sensor[:3, 3]
         forward = view.world_from_sensor[:3, 2]
-        on_outline = np.abs(normals @ (-forward)) < _OUTLINE
+        on_outline = np.abs(normals @ (-forward)) < OUTLINE
         placement, vertex = np.nonzero(on_outline)
-        beside = points[placement, vertex] + _BESIDE_M * normals[placement, vertex]
+        beside = points[placement, vertex] + BESIDE_M * normals[placement, vertex]
         depth = (points[placement, vertex] - eye) @ forward
         measured, _, _ = depth_at(view, beside)
-        same = (measured > 0.0) & (np.abs(measured - depth) < _SAME_SURFACE_M)
+        same = (measured > 0.0) & (np.abs(measured - depth) < SAME_SURFACE_M)
         outline += np.bincount(placement, weights[vertex], minlength=len(points))
         attached += np.bincount(placement, weights[vertex] * same, minlength=len(points))
     return np.asarray(attached / np.maximum(outline, 1e-9))
@@ -139,11 +140,17 @@ def void_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
     """
     void = np.zeros(points.shape[:2], dtype=bool)
     for view in cloud.views:
-        filled = np.where(view.depth > 0.0, view.depth, _NOTHING_M).astype(np.float32)
-        nearest = cv2.erode(filled, np.ones((_AROUND_PX, _AROUND_PX)), borderType=cv2.BORDER_REPLICATE)
+        nearest = nearest_around(view.depth)
         measured, depth, inside = depth_at(replace(view, depth=nearest), points.reshape(-1, 3))
-        void |= (inside & (measured > depth + _SEEN_PAST_M)).reshape(void.shape)
+        void |= (inside & (measured > depth + SEEN_PAST_M)).reshape(void.shape)
     return np.asarray(void @ weights / weights.sum())
+
+
+def nearest_around(depth: Image) -> Image:
+    """The smallest depth (H, W) m measured around each pixel of an image (H, W), or something far beyond any."""
+    filled = np.where(depth > 0.0, depth, _NOTHING_M).astype(np.float32)
+    nearest = cv2.erode(filled, np.ones((_AROUND_PX, _AROUND_PX)), borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(nearest, dtype=np.float32)
 
 
 @dataclass(frozen=True)

@@ -15,22 +15,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Target, in_an_image
+from adapt.fit.correspondences import Target
 from adapt.fit.forms import joint_coordinates, typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
+from adapt.fit.placing import Placements, Scene, costs
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import (
-    ATTACHED_M,
-    FAR_M,
-    VOID_M,
-    FoundPart,
-    ScoredPose,
-    attached_share,
-    find_skin,
-    score_pose,
-    void_share,
-)
+from adapt.fit.score import FoundPart, ScoredPose, find_skin, score_pose
 from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.untold import towards_rest
 from adapt.model.body import Body, pose_skin, rest_theta
@@ -39,7 +30,6 @@ from capture.errors import FitError
 from capture.rigid import exp_so3
 
 _COARSE_VERTICES = 100
-_COARSE_POINTS = 60
 _ROTATIONS = 600  # about 25 degrees apart
 _REFINED = 10
 _PARTS = 4  # of the slender parts, the largest
@@ -173,9 +163,10 @@ def _coarse_candidates(body: Body, parts: list[Cloud], rng: np.random.Generator)
     """The most promising distinct starts in any of the parts."""
     rotations = Rotation.random(_ROTATIONS, rng=rng).as_matrix()
     thetas, scores = [], []
+    scenes = [(Scene(part), _extremities(part)) for part in parts]
     for configuration in _configurations(body):
-        for part in parts:
-            for theta, score in _place(configuration, rotations, part):
+        for scene, extremities in scenes:
+            for theta, score in _place(configuration, rotations, scene, extremities):
                 thetas.append(theta)
                 scores.append(score)
     order = np.argsort(np.concatenate(scores), kind="stable")
@@ -200,43 +191,23 @@ def _root(anatomy: Anatomy) -> Ints:
     return np.array([anatomy.coordinate_index(name) for name in joint.coordinates])
 
 
-def _place(coarse: _Coarse, rotations: Floats, cloud: Cloud) -> Iterator[tuple[Floats, Floats]]:
+def _place(coarse: _Coarse, rotations: Floats, scene: Scene, extremities: Floats) -> Iterator[tuple[Floats, Floats]]:
     """Turn one configuration every way, put its middle on the cloud's middle and its tip on each extremity."""
+    cloud, back = scene.cloud, rotations.transpose(0, 2, 1)
     eyes = np.array([view.world_from_sensor[:3, 3] for view in cloud.views])
     toward = eyes.mean(axis=0) - cloud.points.mean(axis=0)
     toward /= np.linalg.norm(toward)
-    points = np.einsum("rij,nj->rni", rotations, coarse.points)
-    normals = np.einsum("rij,nj->rni", rotations, coarse.normals)
-    facing = normals @ toward
-    weights = coarse.weights * (facing > 0.2)
-    middle = np.einsum("rn,rni->ri", weights, points) / np.maximum(weights.sum(axis=1), 1e-9)[:, None]
+    points, normals = coarse.points @ back, coarse.normals @ back
+    facing = coarse.weights * (normals @ toward > 0.2)
+    middle = np.einsum("rn,rni->ri", facing, points) / np.maximum(facing.sum(axis=1), 1e-9)[:, None]
     tips = rotations @ coarse.tip
     anchors = [cloud.points.mean(axis=0) - middle]
-    anchors += [extremity - tips for extremity in _extremities(cloud)]
-    tree = cKDTree(cloud.points)
+    anchors += [extremity - tips for extremity in extremities]
     vectors = Rotation.from_matrix(rotations).as_rotvec()
     for shift in anchors:
-        distance, _ = tree.query((points + shift[:, None]).reshape(-1, 3), distance_upper_bound=FAR_M)
-        distance = np.minimum(distance, FAR_M).reshape(points.shape[:2])
-        placed = points + shift[:, None]
-        counted = weights * in_an_image(cloud.views, placed.reshape(-1, 3)).reshape(weights.shape)
-        score = (counted * distance).sum(axis=1) / np.maximum(counted.sum(axis=1), 1e-9)
-        score += _unexplained(placed, cloud)
-        score += ATTACHED_M * attached_share(cloud, placed, normals, coarse.weights)
-        score += VOID_M * void_share(cloud, placed, np.ones(len(coarse.points)))
         theta = np.tile(coarse.theta, (len(rotations), 1))
         theta[:, coarse.root] = np.column_stack([vectors, shift])
-        yield theta, score
-
-
-def _unexplained(placed: Floats, cloud: Cloud) -> Floats:
-    """Truncated mean distance (R,) from some cloud points to each of R placed sets of vertices (R, N, 3)."""
-    some = cloud.points[:: max(1, len(cloud.points) // _COARSE_POINTS)].astype(np.float32)
-    placed = placed.astype(np.float32)
-    squared = ((placed**2).sum(axis=2)[:, :, None] + (some**2).sum(axis=1) - 2.0 * np.matmul(placed, some.T)).min(
-        axis=1
-    )
-    return np.asarray(np.minimum(np.sqrt(np.maximum(squared, 0.0)), 2 * FAR_M).mean(axis=1), dtype=np.float64)
+        yield theta, costs(scene, Placements(points + shift[:, None], normals, facing, coarse.weights))
 
 
 def _extremities(cloud: Cloud) -> Floats:
