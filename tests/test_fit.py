@@ -17,7 +17,7 @@ from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenbe
 from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
 from adapt.fit.priors import SIZE_SIGMA, range_term, shape_precision
 from adapt.fit.sample import sample_skin
-from adapt.fit.shape import Unknowns, fit_shape, shape_energy
+from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
 from adapt.fit.skin import STIFFNESS, fit_skin
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
@@ -547,14 +547,15 @@ def test_shape_tissue_and_poses_have_true_derivatives(arm, person, sample):
         match_pose(body, target, theta + 0.01, sample, gate_m=GATE_M)
         for target, theta in zip(targets[:2], thetas[:2], strict=True)
     ]
-    evaluate = shape_energy(body, arm.skin_vertices, matches, sample, of)
+    cost = ShapeEnergy(body, arm.skin_vertices, matches, sample, of)
     some = np.r_[0:16:3, of.tissue.start : of.tissue.stop : 30, of.pose(0), of.pose(1)]
 
     def energy(part):
         moved = x.copy()
         moved[some] = part
-        return np.array([evaluate(moved).energy])
+        return np.array([cost.quadratic(moved).energy])
 
-    gradient = evaluate(x).gradient[some]
+    gradient = cost.quadratic(x).gradient[some]
     scale = np.abs(gradient).max()
     check_jacobian(lambda part: energy(part) / scale, gradient[None] / scale, x[some], step=1e-5, relative=1e-5)
+    assert cost.value(x) == pytest.approx(cost.quadratic(x).energy, rel=1e-9)

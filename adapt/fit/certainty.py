@@ -21,7 +21,7 @@ from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose
 from adapt.fit.sample import sample_skin, weighted_by_tissue
-from adapt.fit.shape import Unknowns, shape_energy, split_tissue
+from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
 from adapt.model.body import Body
 from adapt.tissue import tissue_field
 from capture.errors import FitError
@@ -40,8 +40,8 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> F
     x = np.concatenate([body.shape, c, *(fit.theta for fit in fits)])
     sample = trusted(weighted_by_tissue(sample_skin(anatomy), anatomy), noise_m)
     matches = [fit.matches for fit in fits]
-    energy = shape_energy(body, fine, matches, sample, of, plane_weight=CERTAINTY_PLANE_WEIGHT)
-    covariance = np.linalg.inv(energy(x).hessian)[: of.m + of.q, : of.m + of.q]
+    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT)
+    covariance = np.linalg.inv(energy.quadratic(x).hessian)[: of.m + of.q, : of.m + of.q]
     return np.asarray(0.5 * (covariance + covariance.T))
 
 

@@ -8,7 +8,7 @@ forearm look alike in one pose; alternating between them creeps. Algorithm 3 add
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,7 @@ from adapt.fit.least_squares import (
     PLANE_WEIGHT,
     SIGMA_M,
     Quadratic,
+    data_energy,
     data_term,
     gaussian_term,
     levenberg_marquardt,
@@ -26,7 +27,8 @@ from adapt.fit.least_squares import (
 from adapt.fit.pose import match_pose, next_gate, wrap
 from adapt.fit.priors import range_term, shape_precision
 from adapt.fit.sample import SkinSample
-from adapt.model.body import Body, make_body, pose_skin_by_v_hat, pose_skin_varying
+from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
+from adapt.model.variation import Points
 from adapt.tissue import TissueField, tissue_field
 
 _STILL = 2e-4  # rad, m, and the scales' 1: what moves less between two updates has converged
@@ -87,16 +89,16 @@ def fit_shape(
     for _ in range(updates):
         matches = [match_pose(body, target, x[of.pose(k)], sample, gate_m=gates[k]) for k, target in enumerate(targets)]
         gates = [next_gate(match, gate_m) for match in matches]
-        evaluate = shape_energy(body, fine, matches, sample, of)
+        energy = ShapeEnergy(body, fine, matches, sample, of)
         before = x
-        x = levenberg_marquardt(evaluate, before, steps=steps)
+        x = levenberg_marquardt(energy.quadratic, before, steps=steps, energy=energy.value)
         for k in range(len(targets)):
             x[of.pose(k)] = wrap(anatomy, x[of.pose(k)])
-        body = _body(body, fine, tissue, x, of)
+        body = energy.at(x)
         moved = np.abs(x - before)
         if np.delete(moved, np.arange(of.m, of.m + of.q)).max() < _STILL:
             break
-    covariance = np.asarray(np.linalg.inv(evaluate(x).hessian), dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(energy.quadratic(x).hessian), dtype=np.float64)
     shape = covariance[: of.m, : of.m]
     held = np.trace(shape @ shape_precision(anatomy, body.affine)) + np.trace(covariance[of.tissue, of.tissue])
     return ShapeFit(body, x[of.m + of.q :].reshape(len(targets), of.n), shape, len(x) - float(held))
@@ -108,40 +110,32 @@ def split_tissue(body: Body, tissue: TissueField) -> tuple[Floats, Floats]:
     return body.v_hat - tissue.displacement(c), c
 
 
-def _body(body: Body, fine: Floats, tissue: TissueField, x: Floats, of: Unknowns) -> Body:
-    """The body at x. A trial step may leave the model's domain: then the nearest valid one."""
-    shape = x[: of.m].copy()
-    shape[::4] = np.maximum(shape[::4], 0.1)
-    return make_body(body.anatomy, shape=shape, v_hat=fine + tissue.displacement(x[of.tissue]))
-
-
-def shape_energy(
-    body: Body,
-    fine: Floats,
-    matches: list[Correspondences],
-    sample: SkinSample,
-    of: Unknowns,
-    *,
-    plane_weight: float = PLANE_WEIGHT,
-) -> Callable[[Floats], Quadratic]:
-    """The energy of x with its arrow-shaped normal matrix, for fixed matches.
+@dataclass(frozen=True)
+class ShapeEnergy:
+    """The energy of x for fixed matches in K clouds.
 
     ``body`` says whose anatomy; ``fine`` (V, 3) is the template skin without its coarse tissue.
     """
-    tissue = tissue_field(body.anatomy)
-    identity, precision = body.affine.identity, shape_precision(body.anatomy, body.affine)
 
-    def evaluate(x: Floats) -> Quadratic:
-        moved = _body(body, fine, tissue, x, of)
+    body: Body
+    fine: Floats
+    matches: Sequence[Correspondences]
+    sample: SkinSample
+    of: Unknowns
+    plane_weight: float = PLANE_WEIGHT
+
+    def quadratic(self, x: Floats) -> Quadratic:
+        """The energy with its gradient and its arrow-shaped normal matrix."""
+        of, moved = self.of, self.at(x)
         gradient, hessian = np.zeros(len(x)), np.zeros((len(x), len(x)))
-        shape, thickness = gaussian_term(x[: of.m], identity, precision), x[of.tissue]
+        shape, thickness = self._expected(x), x[of.tissue]
         energy = shape.energy + 0.5 * float(thickness @ thickness)
         gradient[: of.m], hessian[: of.m, : of.m] = shape.gradient, shape.hessian
         gradient[of.tissue], hessian[of.tissue, of.tissue] = thickness, np.eye(of.q)
-        for k, match in enumerate(matches):
+        for k, match in enumerate(self.matches):
             index = np.r_[of.pose(k), 0 : of.m, of.tissue]
-            data = _pose_data(moved, x[of.pose(k)], match, sample, tissue, plane_weight)
-            limits = range_term(body.anatomy, x[of.pose(k)])
+            data = _pose_data(moved, x[of.pose(k)], match, self.sample, self.plane_weight)
+            limits = range_term(moved.anatomy, x[of.pose(k)])
             energy += data.energy + limits.energy
             gradient[index] += data.gradient
             gradient[of.pose(k)] += limits.gradient
@@ -149,27 +143,46 @@ def shape_energy(
             hessian[of.pose(k), of.pose(k)] += limits.hessian
         return Quadratic(energy, gradient, hessian)
 
-    return evaluate
+    def value(self, x: Floats) -> float:
+        """The energy alone."""
+        of, moved = self.of, self.at(x)
+        energy = self._expected(x).energy + 0.5 * float(x[of.tissue] @ x[of.tissue])
+        for k, match in enumerate(self.matches):
+            skin = pose_skin(moved, x[of.pose(k)], vertices=match.vertex)
+            weights = self.sample.observations[match.vertex]
+            energy += data_energy(skin, match, weights, plane_weight=self.plane_weight)
+            energy += range_term(moved.anatomy, x[of.pose(k)]).energy
+        return energy
+
+    def at(self, x: Floats) -> Body:
+        """The body at x. A trial step may leave the model's domain: then the nearest valid one."""
+        shape = x[: self.of.m].copy()
+        shape[::4] = np.maximum(shape[::4], 0.1)
+        anatomy = self.body.anatomy
+        grown = tissue_field(anatomy).displacement(x[self.of.tissue])
+        return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
+
+    def _expected(self, x: Floats) -> Quadratic:
+        affine = self.body.affine
+        return gaussian_term(x[: self.of.m], affine.identity, shape_precision(self.body.anatomy, affine))
 
 
-def _pose_data(
-    body: Body, theta: Floats, match: Correspondences, sample: SkinSample, tissue: TissueField, plane_weight: float
-) -> Quadratic:
+def _pose_data(body: Body, theta: Floats, match: Correspondences, sample: SkinSample, plane_weight: float) -> Quadratic:
     """The data term of one pose by [theta, shape, tissue].
 
     A vertex moves with the tissue along one direction only, so the tissue's columns are never written out.
     """
-    i, weights = match.vertex, sample.observations[match.vertex]
-    skin = pose_skin_varying(body, theta, with_shape=True, vertices=i)
-    lean = data_term(skin, match, weights, plane_weight=plane_weight)
-    by_v_hat = pose_skin_by_v_hat(body, theta, vertices=i)
-    direction = np.matmul(by_v_hat.d, tissue.normals[i][:, :, None])[:, :, 0]
+    i, weights, tissue = match.vertex, sample.observations[match.vertex], tissue_field(body.anatomy)
+    skin = pose_skin_varying(body, theta, with_shape=True, along=tissue.normals[i], vertices=i)
+    by_pose_and_shape, direction = skin.d[:, :, :-1], skin.d[:, :, -1]
+    lean = data_term(Points(skin.value, by_pose_and_shape), match, weights, plane_weight=plane_weight)
     scale = weights / ((plane_weight + 1.0) * SIGMA_M**2)
     along = np.einsum("ij,ij->i", match.normal, direction)
     pulled = scale[:, None] * (plane_weight * along[:, None] * match.normal + direction)  # metric times direction
     modes = tissue.modes[i]
     gradient = modes.T @ np.einsum("ij,ij->i", pulled, skin.value - match.target)
-    cross = modes.T @ np.matmul(pulled[:, None, :], skin.d)[:, 0]
-    own = modes.T @ (np.einsum("ij,ij->i", pulled, direction)[:, None] * modes)
+    cross = modes.T @ np.matmul(pulled[:, None, :], by_pose_and_shape)[:, 0]
+    rooted = np.sqrt(np.einsum("ij,ij->i", pulled, direction))[:, None] * modes
+    own = rooted.T @ rooted  # a product with itself costs half of one with another matrix
     hessian = np.block([[lean.hessian, cross.T], [cross, own]])
     return Quadratic(lean.energy, np.concatenate([lean.gradient, gradient]), hessian)

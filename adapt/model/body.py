@@ -119,14 +119,30 @@ def pose_skin(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Flo
     return pose_rows(chain, skin, np.asarray(theta, dtype=np.float64), rows, varying=False)[0]
 
 
-def pose_skin_varying(body: Body, theta: Floats, *, with_shape: bool = False, vertices: Ints | None = None) -> Points:
-    """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (last columns)."""
+def pose_skin_varying(
+    body: Body,
+    theta: Floats,
+    *,
+    with_shape: bool = False,
+    along: Floats | None = None,
+    vertices: Ints | None = None,
+) -> Points:
+    """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (next columns).
+
+    ``along`` (V, 3), or for some ``vertices`` only, are directions: with the shape, one more column is the derivative
+    by how far each vertex's OWN template vertex v_hat_i moves along its direction.
+    """
     if not with_shape:
         chain, bound_skin, everything = body.prepared
         rows = everything if vertices is None else vertices
         return Points(*pose_rows(chain, bound_skin, np.asarray(theta, dtype=np.float64), rows, varying=True))
     skin = body.v_tilde if vertices is None else body.v_tilde.at(vertices)
-    p, skin = (_after_theta(points, len(theta)) for points in (body.p, skin))
+    own = np.zeros((len(skin.value), 3, 0))
+    if along is not None:
+        rows = slice(None) if vertices is None else vertices
+        own = (local_scale(body.anatomy.skin_handle_weights[rows], body.a)[:, None] * along)[:, :, None]
+    p = _among(body.p, len(theta), np.zeros((len(body.p.value), 3, own.shape[2])))
+    skin = _among(skin, len(theta), own)
     bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
     return _blend(body.anatomy, bone_motions(body.anatomy, theta, p), bound, vertices, columns=p.n)
 
@@ -199,9 +215,9 @@ def _touched(share: Floats) -> Ints | slice:
     return rows if len(rows) < 0.5 * len(share) else slice(None)
 
 
-def _after_theta(points: Points, n_theta: int) -> Points:
-    """The same points with the (zero) columns of theta before the shape's."""
-    return Points(points.value, np.concatenate([np.zeros((*points.value.shape, n_theta)), points.d], axis=2))
+def _among(points: Points, n_theta: int, own: Floats) -> Points:
+    """The same points with the (zero) columns of theta before the shape's, and ``own`` columns (N, 3, k) after them."""
+    return Points(points.value, np.concatenate([np.zeros((*points.value.shape, n_theta)), points.d, own], axis=2))
 
 
 def _motions(body: Body, theta: Floats) -> Mapping[str, Motion]:
