@@ -139,8 +139,9 @@ def pose_skin_varying(
     skin = body.v_tilde if vertices is None else body.v_tilde.at(vertices)
     own = np.zeros((len(skin.value), 3, 0))
     if along is not None:
-        rows = slice(None) if vertices is None else vertices
-        own = (local_scale(body.anatomy.skin_handle_weights[rows], body.a)[:, None] * along)[:, :, None]
+        weights = body.anatomy.skin_handle_weights
+        weights = weights if vertices is None else weights[vertices]
+        own = (local_scale(weights, body.a)[:, None] * along)[:, :, None]
     p = _among(body.p, len(theta), np.zeros((len(body.p.value), 3, own.shape[2])))
     skin = _among(skin, len(theta), own)
     bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
