@@ -18,8 +18,8 @@ from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.surface import incidence, vertex_normals
-from capture.camera import Camera
-from capture.cloud.fuse import Cloud, View, spread
+from capture.camera import Camera, backproject
+from capture.cloud.fuse import Cloud, Region, View, pixels_inside, spread
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.compiled import compiled, compiled_sums
 from capture.rigid import apply, exp_so3, transform
@@ -106,6 +106,22 @@ def test_a_sensor_sees_what_it_sees_through_a_lens_that_hardly_distorts() -> Non
     seen = visible_from(view, points, normals)
     np.testing.assert_array_equal(seen, visible_from(lens, points, normals))
     assert 0.05 < seen.mean() < 0.5
+
+
+def test_a_region_holds_the_pixels_whose_points_it_holds() -> None:
+    rng = np.random.default_rng(10)
+    camera = Camera(80, 60, 70.0, 72.0, 39.0, 31.0, (0.1, -0.05, 0.001, 0.002))
+    depth = np.where(rng.random((60, 80)) < 0.7, rng.uniform(0.5, 1.5, (60, 80)), 0.0).astype(np.float32)
+    view = View("one", camera, transform(exp_so3(rng.normal(size=3)), rng.normal(size=3)), depth)
+    points = np.nan_to_num(backproject(camera, depth))
+    world = apply(view.world_from_sensor, points.reshape(-1, 3)).reshape(points.shape)
+    region = Region(*np.percentile(world[depth > 0.0], [20, 80], axis=0))
+    expected = (depth > 0.0) & ((world >= region.minimum) & (world <= region.maximum)).all(axis=2)
+    pixels, inside, marked = pixels_inside(view, region)
+    np.testing.assert_array_equal(marked, expected)
+    np.testing.assert_array_equal(pixels, np.argwhere(expected))
+    np.testing.assert_allclose(inside, points[expected], rtol=1e-6)
+    assert 0.05 < expected.mean() < 0.5
 
 
 def test_placements_cost_what_they_cost_in_plain_arrays() -> None:

@@ -13,7 +13,7 @@ from capture.camera import Camera, ray_slopes
 from capture.cloud.background import background_planes, without_planes
 from capture.cloud.normals import surface_at
 from capture.cloud.patches import Pixels
-from capture.cloud.preprocess import Image, Mask, boundary, clean_depth, valid_window
+from capture.cloud.preprocess import Image, Mask, boundary, clean_depth
 from capture.cloud.region import automatic_region
 from capture.compiled import compiled
 from capture.errors import CloudError
@@ -96,9 +96,7 @@ def region_of_interest(recording: Recording) -> Region:
 
 def view_points(view: View, region: Region, *, spacing_m: float) -> tuple[Floats, Floats, Mask]:
     """Points (N, 3), normals (N, 3) and boundary flags (N,) of what one view shows inside the region."""
-    pixels, points = _inside(view, region)
-    scanned = np.zeros(view.depth.shape, dtype=bool)
-    scanned[pixels[:, 0], pixels[:, 1]] = True
+    pixels, points, scanned = pixels_inside(view, region)
     chosen = pixels[spread(points, spacing_m=spacing_m)]
     on_boundary = boundary(view.depth, view.camera, inside=scanned)[chosen[:, 0], chosen[:, 1]]
     points, normals = surface_at(view.depth, view.camera, chosen)
@@ -160,16 +158,45 @@ def _view(recording: Recording, instant: Instant, name: str) -> View:
     return View(name, sensor.camera, world_from_sensor(recording, name), depth)
 
 
-def _inside(view: View, region: Region) -> tuple[Pixels, Floats]:
-    """Pixels (N, 2) (row, column) with a reading inside the region, and their points (N, 3) in the sensor frame."""
-    window_rows, window_columns = valid_window(view.depth)
-    depth = view.depth[window_rows, window_columns]
-    at = np.flatnonzero(depth > 0.0)
-    z = depth.ravel()[at]
-    slopes = ray_slopes(view.camera)[window_rows, window_columns].reshape(-1, 2)[at]
-    points = np.column_stack([slopes * z[:, None], z]).astype(np.float64)
-    world = apply(view.world_from_sensor, points)
-    inside = ((world >= region.minimum) & (world <= region.maximum)).all(axis=1)
-    rows, columns = np.divmod(at[inside], max(depth.shape[1], 1))
-    pixels = np.stack([rows + window_rows.start, columns + window_columns.start], axis=1)
-    return pixels, points[inside]
+def pixels_inside(view: View, region: Region) -> tuple[Pixels, Floats, Mask]:
+    """Pixels (N, 2) (row, column) with a reading inside the region, their points (N, 3) in the sensor frame; a mask.
+
+    The mask (H, W) marks the same pixels.
+    """
+    marked, slopes = np.zeros(view.depth.shape, dtype=np.bool_), ray_slopes(view.camera)
+    count = _mark(view.depth, slopes, view.world_from_sensor, region.minimum, region.maximum, marked)
+    pixels, points = np.zeros((count, 2), dtype=np.intp), np.zeros((count, 3))
+    _list(view.depth, slopes, marked, pixels, points)
+    return pixels, points, marked
+
+
+@compiled
+def _mark(depth: Image, slopes: Image, t: Floats, minimum: Floats, maximum: Floats, marked: Mask) -> int:
+    """Marks the pixels whose points the region holds, and counts them; ``t`` is where the sensor stands."""
+    count = 0
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            z = depth[row, column]
+            if not z > 0.0:
+                continue
+            x, y = slopes[row, column, 0] * z, slopes[row, column, 1] * z
+            within = True
+            for i in range(3):
+                world = t[i, 0] * x + t[i, 1] * y + t[i, 2] * z + t[i, 3]
+                within = within and minimum[i] <= world <= maximum[i]
+            marked[row, column] = within
+            count += within
+    return count
+
+
+@compiled
+def _list(depth: Image, slopes: Image, marked: Mask, pixels: Pixels, points: Floats) -> None:
+    at = 0
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            if marked[row, column]:
+                z = depth[row, column]
+                pixels[at, 0], pixels[at, 1] = row, column
+                points[at, 0], points[at, 1] = slopes[row, column, 0] * z, slopes[row, column, 1] * z
+                points[at, 2] = z
+                at += 1

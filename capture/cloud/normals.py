@@ -36,7 +36,10 @@ def _on_rays(fit: Floats, camera: Camera, pixels: Pixels, z0: Image) -> tuple[Fl
     rays = np.column_stack([slopes, np.ones(len(slopes))])
     inverse = 1.0 - fit[:, 0] / z0
     by_pixel = fit[:, 1:3] / (radius_px(camera) * z0[:, None])
-    along = np.linalg.solve(_slope_changes(camera, pixels), by_pixel[..., None])[..., 0]
+    by_row, by_column = by_pixel.T
+    (xx, xy), (yx, yy) = _slope_changes(camera, pixels).transpose(1, 2, 0)
+    along = np.column_stack([yy * by_row - xy * by_column, xx * by_column - yx * by_row])  # Cramer's rule
+    along /= (xx * yy - xy * yx)[:, None]
     normals = np.column_stack([along, -inverse - (slopes * along).sum(axis=1)])
     return rays * (z0 / inverse)[:, None], normals / np.linalg.norm(normals, axis=1, keepdims=True)
 

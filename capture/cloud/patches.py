@@ -36,6 +36,8 @@ _EXPECTED_CURVATURE = 25.0  # C (1 / m): a limb of 4 cm radius
 _NOISE_STEPS = 0.3  # standard deviation of even rounding, in steps
 _FARTHEST_RESIDUAL = 8.0  # in standard deviations; beyond it the second pass leaves a reading out
 _PAIRS = np.tril_indices(6)
+_KNOWN = np.zeros((6, 6), dtype=np.bool_)  # pairs of terms of which another pair has the product, but for a factor
+_KNOWN[[3, 4, 5, 4, 5, 5], [0, 0, 0, 1, 1, 3]] = True
 
 
 def fit_patches(depth: Image, pixels: Pixels, *, radius_px: int, focal_px: float) -> Floats:
@@ -108,11 +110,14 @@ def _solve(q: Image, gates: Image, products: Image, z0: float, noise: float, nor
     at = 6
     for i in range(6):
         for j in range(i + 1):
-            total = np.float32(0.0)
-            for k in range(len(q)):
-                total += gates[k] * products[at, k]
-            normal[i, j] = total
+            if not _KNOWN[i, j]:
+                total = np.float32(0.0)
+                for k in range(len(q)):
+                    total += gates[k] * products[at, k]
+                normal[i, j] = total
             at += 1
+    normal[3, 0], normal[4, 0], normal[5, 0] = 0.5 * normal[1, 1], normal[2, 1], 0.5 * normal[2, 2]
+    normal[4, 1], normal[5, 1], normal[5, 3] = 2.0 * normal[3, 2], 0.5 * normal[4, 2], 0.25 * normal[4, 4]
     radius_m = SMOOTHING_ANGLE * z0
     for i in range(1, 6):
         expected = _EXPECTED_SLOPE * radius_m if i < 3 else _EXPECTED_CURVATURE * radius_m**2

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera import Camera
+from capture.compiled import compiled
+from capture.rigid import Floats
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -65,15 +67,26 @@ def clean_depth(depth: Image, camera: Camera) -> Image:
     if seen.size == 0:
         return cleaned
     core = (seen > 0.0) & ~jump_mask(seen, camera)
-    label_count, labels, statistics, _ = cv2.connectedComponentsWithStats(core.view(np.uint8), connectivity=4)
-    total_depth = np.bincount(labels.ravel(), weights=seen.ravel(), minlength=label_count)
-    pixels = statistics[:, cv2.CC_STAT_AREA]
+    label_count, labels = cv2.connectedComponents(core.view(np.uint8), connectivity=4)
+    pixels, total_depth = np.zeros(label_count, dtype=np.int64), np.zeros(label_count)
+    _add_up(labels, seen, pixels, total_depth)
     mean_depth = total_depth / np.maximum(pixels, 1)
     large = pixels * pixel_area(mean_depth, camera) >= _SMALLEST_PATCH_M2
     large[0] = False
     kept = cv2.dilate(large[labels].view(np.uint8), _SQUARE_3) > 0
     np.copyto(cleaned[rows, columns], seen, where=kept)
     return cleaned
+
+
+@compiled
+def _add_up(labels: NDArray[np.int32], depth: Image, pixels: NDArray[np.int64], total_depth: Floats) -> None:
+    """How many pixels (L,) have each of L labels (H, W), and their depths' sum (L,); 0 is no label."""
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            label = labels[row, column]
+            if label > 0:
+                pixels[label] += 1
+                total_depth[label] += depth[row, column]
 
 
 def boundary(depth: Image, camera: Camera, *, inside: Mask | None = None) -> Mask:
