@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import PATCH_M2, SIGMA_M
 from adapt.fit.sample import SkinSample
@@ -35,12 +36,18 @@ def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: Sk
 
 
 def _patch_means(anatomy: Anatomy, match: Correspondences, sample: SkinSample) -> Floats:
-    cubes = np.floor(anatomy.skin_vertices[match.vertex] / np.sqrt(PATCH_M2)).astype(np.int64)
-    _, patch = np.unique(cubes, axis=0, return_inverse=True)
+    patch = _patches(anatomy)[match.vertex]
     weight = sample.observations[match.vertex]
-    total = np.bincount(patch.ravel(), weight)
-    mean = np.bincount(patch.ravel(), weight * match.distance) / np.maximum(total, 1e-12)
+    total = np.bincount(patch, weight)
+    mean = np.bincount(patch, weight * match.distance) / np.maximum(total, 1e-12)
     return np.asarray(mean[total > _LEAST_SHARE])
+
+
+@lru_cache(maxsize=4)
+def _patches(anatomy: Anatomy) -> Ints:
+    """The number (V,) of the patch that each skin vertex belongs to."""
+    cubes = np.floor(anatomy.skin_vertices / np.sqrt(PATCH_M2)).astype(np.int64)
+    return np.asarray(np.unique(cubes, axis=0, return_inverse=True)[1]).ravel()
 
 
 def trusted(sample: SkinSample, noise_m: float) -> SkinSample:

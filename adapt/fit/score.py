@@ -94,15 +94,22 @@ def find_skin(body: Body, target: Target, theta: Floats, sample: SkinSample) -> 
     skin = pose_skin(body, theta)
     sight = _sight(target, skin[sample.vertices], sample.normals(skin)[sample.vertices])
     counted = sample.observations[sample.vertices]
-    shares = counted * body.skin_riding[sample.vertices].T
-    names = [bone.name for bone in body.anatomy.bones]
-    parts = {name: _part(sight, share) for name, share in zip(names, shares, strict=True) if share.any()}
-    return FoundSkin(_part(sight, counted), parts)
+    shares = np.column_stack([counted, counted[:, None] * body.skin_riding[sample.vertices]])
+    whole, *bones = _parts(sight, shares)
+    names, has_skin = [bone.name for bone in body.anatomy.bones], np.flatnonzero(shares[:, 1:].any(axis=0))
+    return FoundSkin(whole, {names[k]: bones[k] for k in has_skin})
 
 
-def _part(sight: _Sight, counted: Floats) -> FoundPart:
-    shown = counted * sight.in_sight
-    return FoundPart(float(shown.sum() / counted.sum()), *_found(sight.distance, shown))
+def _parts(sight: _Sight, shares: Floats) -> list[FoundPart]:
+    """What is found of parts of the skin, each by what its vertices count (N, K)."""
+    shown = shares * sight.in_sight[:, None]
+    all_of_it, in_sight = shares.sum(axis=0), shown.sum(axis=0)
+    far, near = sight.distance @ shown, (sight.distance < _NEAR_M) @ shown
+    none = in_sight == 0.0
+    skin_m = np.where(none, FAR_M, far / np.maximum(in_sight, 1e-300))
+    coverage = np.where(none, 0.0, near / np.maximum(in_sight, 1e-300))
+    in_sight = in_sight / np.maximum(all_of_it, 1e-300)
+    return [FoundPart(*(float(part) for part in parts)) for parts in zip(in_sight, skin_m, coverage, strict=True)]
 
 
 def _found(distance: Floats, weights: Floats) -> tuple[float, float]:
@@ -176,7 +183,7 @@ def _sight(target: Target, points: Floats, normals: Floats) -> _Sight:
         sight = view.world_from_sensor[:3, 3] - points
         faces = np.einsum("ij,ij->i", normals, sight) > 0.3 * np.linalg.norm(sight, axis=1)
         seen = visible_from(view, points, normals) & faces
-        nearest, _ = tree.query(points[seen])
+        nearest, _ = tree.query(points[seen], distance_upper_bound=FAR_M)
         distance[seen] = np.minimum(distance[seen], nearest)
         weight[seen] = 1.0
         hidden = np.flatnonzero(faces & ~seen)

@@ -59,6 +59,13 @@ class Body:
         return tuple(bind(self.anatomy, deformer, p, skin) for deformer in self.anatomy.deformers)
 
     @cached_property
+    def bound_varying(self) -> tuple[Points, tuple[Bound, ...]]:
+        """Landmarks, and the whole rest skin bound to each deformer: varying with the shape, after theta's columns."""
+        n = len(self.anatomy.coordinates)
+        p, skin = (_among(points, n, np.zeros((len(points.value), 3, 0))) for points in (self.p, self.v_tilde))
+        return p, tuple(bind(self.anatomy, deformer, p, skin) for deformer in self.anatomy.deformers)
+
+    @cached_property
     def skin_riding(self) -> Floats:
         """The share (V, B) of each skin vertex that rides on each bone; a bone without skin (a kneecap) has none."""
         names, shares = [bone.name for bone in self.anatomy.bones], self.anatomy.deformer_weights.T
@@ -136,15 +143,11 @@ def pose_skin_varying(
         chain, bound_skin, everything = body.prepared
         rows = everything if vertices is None else vertices
         return Points(*pose_rows(chain, bound_skin, np.asarray(theta, dtype=np.float64), rows, varying=True))
-    skin = body.v_tilde if vertices is None else body.v_tilde.at(vertices)
-    own = np.zeros((len(skin.value), 3, 0))
-    if along is not None:
-        weights = body.anatomy.skin_handle_weights
-        weights = weights if vertices is None else weights[vertices]
-        own = (local_scale(weights, body.a)[:, None] * along)[:, :, None]
-    p = _among(body.p, len(theta), np.zeros((len(body.p.value), 3, own.shape[2])))
-    skin = _among(skin, len(theta), own)
-    bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
+    if along is None:  # then it is kept for the body's next pose
+        p, kept = body.bound_varying
+        bound = kept if vertices is None else tuple(one.at(vertices) for one in kept)
+    else:
+        p, bound = _bound_along(body, along, vertices)
     return _blend(body.anatomy, bone_motions(body.anatomy, theta, p), bound, vertices, columns=p.n)
 
 
@@ -214,6 +217,15 @@ def _touched(share: Floats) -> Ints | slice:
     """Where a deformer has weight (N,); everywhere if that is mostly so, because picking costs more than it saves."""
     rows = np.flatnonzero(share)
     return rows if len(rows) < 0.5 * len(share) else slice(None)
+
+
+def _bound_along(body: Body, along: Floats, vertices: Ints | None) -> tuple[Points, tuple[Bound, ...]]:
+    """``bound_varying`` of some vertices, with one more column for the template vertices' moves ``along`` (N, 3)."""
+    n, rows = len(body.anatomy.coordinates), np.arange(len(body.v_hat)) if vertices is None else vertices
+    own = (local_scale(body.anatomy.skin_handle_weights[rows], body.a)[:, None] * along)[:, :, None]
+    p = _among(body.p, n, np.zeros((len(body.p.value), 3, 1)))
+    skin = _among(body.v_tilde.at(rows), n, own)
+    return p, tuple(bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers)
 
 
 def _among(points: Points, n_theta: int, own: Floats) -> Points:
