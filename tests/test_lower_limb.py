@@ -49,8 +49,11 @@ def test_it_is_a_right_leg_with_the_fibula_and_the_little_toe_outside(leg):
 
 def test_the_leg_has_a_mans_proportions(leg):
     ankle = (point(leg, "MM") + point(leg, "LM")) / 2.0
-    assert 0.38 < np.linalg.norm(point(leg, "HJC") - point(leg, "knee")) < 0.46
-    assert 0.40 < np.linalg.norm(point(leg, "knee") - ankle) < 0.48
+    # Shares of the stature: Drillis & Contini (1966).
+    assert np.linalg.norm(point(leg, "HJC") - point(leg, "knee")) == pytest.approx(
+        0.245 * LOWER_LIMB_RIGHT.skin.stature, rel=0.03
+    )
+    assert np.linalg.norm(point(leg, "knee") - ankle) == pytest.approx(0.246 * LOWER_LIMB_RIGHT.skin.stature, rel=0.03)
     assert 0.07 < np.linalg.norm(point(leg, "FME") - point(leg, "FLE")) < 0.09
     assert 0.21 < np.linalg.norm(point(leg, "heel") - point(leg, "toe1_tip")) < 0.27
 

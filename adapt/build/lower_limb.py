@@ -35,7 +35,10 @@ from adapt.build.sources_myosim import Follow
 from adapt.build.upper_limb import SKIN as UPPER_LIMB_SKIN
 
 SKIN = SkinPlan(
-    targets=UPPER_LIMB_SKIN.targets,  # one body for all limbs
+    # One body for all limbs, but for its knees: MakeHuman's shank is long and its thigh short. With these two targets
+    # stature and hip stay and the knee comes down 29 mm, to where Drillis & Contini (1966) have it.
+    targets=UPPER_LIMB_SKIN.targets
+    | {"legs/measure-upperleg-height-incr": 0.30, "legs/measure-lowerleg-height-decr": 0.45},
     stature=UPPER_LIMB_SKIN.stature,
     # Above the crest of the hip bone, and 4 mm to the left of the middle, where both hip bones meet.
     cuts=(Cut(point=(0.0, 0.30, 0.0), normal=(0.0, -1.0, 0.0)), Cut(point=(0.0, 0.0, -0.004), normal=(0.0, 0.0, 1.0))),
@@ -317,7 +320,7 @@ LOWER_LIMB_RIGHT = LimbPlan(
     pieces=TOES,
     follows=FOLLOWS,
     # A little out of the socket, which in the source is coarse and shallow: the femur stands in it by 10 mm.
-    shifts={"femur_r": (0.0, -0.0005, 0.0015)},
+    shifts={"femur_r": (0.0030, -0.0025, 0.0030)},
     bones=BONES,
     points=POINTS,
     axes=AXES,
@@ -330,9 +333,9 @@ LOWER_LIMB_RIGHT = LimbPlan(
     # Between a bend's end and the next one's start skin rides on one bone, whichever of the two carries it.
     held=(
         HeldPart("hip", "femur", "knee", "HJC", 0.26),
-        HeldPart("knee", "femur", "HJC", "knee", 0.27),
-        HeldPart("knee", "tibia", "talus", "knee", 0.28),
-        HeldPart("ankle", "tibia", "knee", "talus", 0.28),
+        HeldPart("knee", "femur", "HJC", "knee", 0.285),
+        HeldPart("knee", "tibia", "talus", "knee", 0.265),
+        HeldPart("ankle", "tibia", "knee", "talus", 0.265),
     ),
     cushions=(),
     # The skin near the cuts also follows the trunk and the other leg; the toes are held still by the model.

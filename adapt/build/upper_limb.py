@@ -20,10 +20,10 @@ _HAND = CARPALS + tuple(body for finger in FINGERS.values() for body in finger)
 SKIN = SkinPlan(
     # MakeHuman's neutral young man: its three ancestries in equal parts, average muscle and weight.
     targets={
-        "universal-male-young-averagemuscle-averageweight": 1.0,
-        "african-male-young": 1.0 / 3.0,
-        "asian-male-young": 1.0 / 3.0,
-        "caucasian-male-young": 1.0 / 3.0,
+        "macrodetails/universal-male-young-averagemuscle-averageweight": 1.0,
+        "macrodetails/african-male-young": 1.0 / 3.0,
+        "macrodetails/asian-male-young": 1.0 / 3.0,
+        "macrodetails/caucasian-male-young": 1.0 / 3.0,
     },
     stature=1.76,
     # From the armpit's apex over the acromion to the trapezius.
