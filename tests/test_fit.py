@@ -451,6 +451,19 @@ def test_skin_that_nobody_saw_stays_smooth(arm, skinned):
     assert np.linalg.norm(moved[~seen], axis=1).max() <= 1.5 * np.linalg.norm(moved[seen], axis=1).max()
 
 
+def test_skin_that_nobody_saw_keeps_its_coarse_tissue(arm, person):
+    body, thetas, _ = person
+    tissue = tissue_field(arm)
+    coarse = tissue.displacement(np.random.default_rng(0).normal(size=tissue.modes.shape[1]))
+    start = make_body(arm, shape=body.shape, v_hat=arm.skin_vertices + coarse)
+    whole = sample_skin(arm)
+    matches = match_pose(start, exact_target(start, thetas[0]), thetas[0], whole, gate_m=0.02)
+    moved = fit_skin(start, thetas[:1], [matches], whole).v_hat - start.v_hat
+    unseen = np.setdiff1d(whole.vertices, matches.vertex)
+    assert np.linalg.norm(coarse[unseen], axis=1).mean() > 1e-3
+    assert np.linalg.norm(moved[unseen], axis=1).mean() < 0.1 * np.linalg.norm(coarse[unseen], axis=1).mean()
+
+
 def test_skin_solves_the_system_that_it_states(arm, person, skinned):
     """Against a direct solution of the same normal equations, put together here from the statement."""
     import igl

@@ -2,10 +2,12 @@
 
 Solved for the displacement d = v_hat - template, with v linear in v_hat around the current one:
 
-    argmin_d  sum_k data_k(v_k(d)) + 0.5 STIFFNESS |L d|^2_{M^-1} + 0.5 sum_i M_ii |d_i|^2 / (sigma_i^2 PATCH)
+    argmin_d  sum_k data_k(v_k(d)) + 0.5 STIFFNESS |L e|^2_{M^-1} + 0.5 sum_i M_ii |e_i|^2 / (sigma_i^2 PATCH)
 
-L is the cotangent Laplacian and M the mass matrix of the template, so skin that nobody saw follows its neighbours
-smoothly; sigma_i is what the soft tissue under vertex i allows (adapt.tissue).
+where e = d - c is what d adds to its present coarse part c, in the modes of adapt.tissue, which algorithm 2 has weighed
+against all that is known of tissue and which is not to be taken back where nobody looked. L is the cotangent Laplacian
+and M the mass matrix of the template, so skin that nobody saw follows its neighbours smoothly; sigma_i is what the soft
+tissue under vertex i allows.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin_by_v_hat
-from adapt.tissue import tissue_deviation
+from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import FitError
 
 STIFFNESS = 4.0  # 1/m^2: 5 mm of soft tissue within 2 cm of skin costs about as much as one observation
@@ -39,7 +41,9 @@ def fit_skin(body: Body, thetas: Floats, matches: list[Correspondences], sample:
     template = body.anatomy.skin_vertices
     smooth = _regulariser(body.anatomy)
     displacement = body.v_hat - template
-    right = np.einsum("ijk,ik->ij", blocks, displacement) - pull
+    tissue = tissue_field(body.anatomy)
+    coarse = tissue.displacement(tissue.coefficients(displacement))
+    right = np.einsum("ijk,ik->ij", blocks, displacement) - pull + smooth @ coarse
 
     def apply_system(flat: Floats) -> Floats:
         d = flat.reshape(-1, 3)
