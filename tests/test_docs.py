@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 import runpy
+import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
+from track.cli import bonetrack
 from track.motion import load_motion
 
 ROOT = Path(__file__).parents[1]
@@ -54,6 +58,31 @@ def test_the_site_builds_without_a_warning(tmp_path):
     assert (tmp_path / "site" / "first-steps" / "index.html").is_file()
     in_python = re.sub("<[^>]*>", "", (tmp_path / "site" / "python" / "index.html").read_text(encoding="utf-8"))
     assert "def main(source: Path, out: Path)" in in_python  # the script itself stands on its page
+
+
+def test_every_command_of_the_pages_is_one_that_the_program_has():
+    """Commands, their options and how many names they take; nothing is run."""
+    lines = [
+        line.split("#")[0].strip()
+        for page in [ROOT / "README.md", *DOCS.glob("*.md")]
+        for line in page.read_text(encoding="utf-8").splitlines()
+    ]
+    given = [found[1] for line in lines if (found := re.match(r"(?:\S*/)?bonetrack ([a-z].*)", line))]
+    assert len(given) > 30
+    for words in map(shlex.split, given):
+        command = bonetrack.commands[words[0]]
+        with click.Context(command, info_name=words[0]) as context:
+            command.parse_args(context, words[1:])
+
+
+def test_every_script_and_module_that_the_pages_run_exists():
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *DOCS.glob("*.md")])
+    scripts = set(re.findall(r"python3? ((?:docs|tests)/[\w/]+\.py)", pages))
+    modules = set(re.findall(r"python3? -m ((?:capture|adapt|track|tests)[\w.]*)", pages))
+    assert len(scripts) > 5
+    assert len(modules) > 3
+    assert not [script for script in scripts if not (ROOT / script).is_file()]
+    assert not [module for module in modules if importlib.util.find_spec(module) is None]
 
 
 def test_every_link_and_picture_of_the_pages_exists():
