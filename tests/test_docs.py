@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import doctest
+import importlib
 import importlib.util
 import re
 import runpy
@@ -85,6 +87,22 @@ def test_every_script_and_module_that_the_pages_run_exists():
     assert not [module for module in modules if importlib.util.find_spec(module) is None]
 
 
+PACKAGES = ("capture", "adapt", "track")
+WITH_EXAMPLES = [
+    path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+    if ">>> " in path.read_text(encoding="utf-8")
+]
+
+
+@pytest.mark.parametrize("module", WITH_EXAMPLES)
+def test_the_examples_in_docstrings_say_what_comes_out(module):
+    ran = doctest.testmod(importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    assert ran.attempted > 0
+    assert ran.failed == 0
+
+
 def test_every_link_and_picture_of_the_pages_exists():
     missing = []
     for page in [ROOT / "README.md", *DOCS.glob("*.md")]:
@@ -106,7 +124,7 @@ def test_every_message_of_the_page_of_errors_is_in_the_code():
 def _texts() -> list[str]:
     """Every text in the program, f-strings with an ellipsis for what they put in."""
     texts = []
-    for package in ("capture", "adapt", "track"):
+    for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.JoinedStr):

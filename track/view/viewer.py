@@ -17,7 +17,7 @@ from capture.errors import BonetrackError
 from track.fit_from_hand import fit_from_hand
 from track.tracker import TrackedFrame, Tracker, make_tracker
 from track.view.angle_charts import LEGEND, AngleCharts
-from track.view.frames import FrameContent, FrameStore, SeenPoints, distances, pose_body, truth_of
+from track.view.frames import FrameContent, FrameStore, SeenPoints, Single, distances, pose_body, truth_of
 from track.view.hand_panel import HandPanel
 from track.view.layers import FAR_M, LARGEST_ERROR_M, LAYERS, Layers, first_eye, set_eye
 from track.view.scene import Scene
@@ -207,9 +207,7 @@ class Viewer:
         if content.seen is not None and content.seen.problem:
             lines.append(f"No points: {content.seen.problem}.")
         elif content.seen is not None and content.seen.distances is not None:
-            near = content.seen.distances[content.seen.distances <= FAR_M]
-            if len(near):
-                lines.append(f"Points to skin: {1e3 * float(np.median(near)):.1f} mm (median).")
+            lines.append(_points_in_words(content.seen.distances))
         return "  \n".join(lines)
 
     def _save_picture(self, event: Any) -> None:
@@ -226,6 +224,18 @@ class Viewer:
         _, encoded = cv2.imencode(".png", flat[:, :, ::-1])
         name = f"frame_{self.scene.numbers[self.timeline.frame]:05d}.png"
         client.send_file_download(name, encoded.tobytes(), save_immediately=True)
+
+
+def _points_in_words(distances: Single) -> str:
+    """How far points (N,) are from the skin (m), without those that count as something else, which are told apart.
+
+    >>> _points_in_words(np.array([0.001, 0.002, 0.003, 0.15]))
+    'Points to skin: 2.0 mm (median); 25 % are farther than 20 mm.'
+    """
+    near = distances[distances <= FAR_M]
+    words = f"Points to skin: {1e3 * float(np.median(near)):.1f} mm (median)" if len(near) else "No point near the skin"
+    far = 100.0 * (1.0 - len(near) / max(1, len(distances)))
+    return f"{words}; {far:.0f} % are farther than {1e3 * FAR_M:.0f} mm." if far >= 0.5 else f"{words}."
 
 
 _ERROR_LEGEND = (
