@@ -31,7 +31,7 @@ from capture.console import stdout
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 from capture.recording import Recording, open_recording
-from track.evaluation.benchmark import hold_to_one_thread
+from track.evaluation.benchmark.timing import hold_to_one_thread
 from track.evaluation.errors import Truth, read_truth, world_from_common
 from track.evaluation.markers import MarkerSet, marker_set, marker_trial, markers_at_rest, misplaced
 from track.evaluation.opensim_tools import OpenSimError, opensim, replayed, scaled_model, solve_kinematics

@@ -1,0 +1,75 @@
+"""Whole commands as a user calls them: how long they take, and the most memory they hold.
+
+Each runs in a process of its own, of which a system like Linux or macOS tells the memory when it has ended.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
+
+from capture.calibration.calibrate import write_calibration
+from capture.errors import BonetrackError
+from capture.recording import Recording
+
+_COMMAND = "from track.cli import main; main()"
+
+
+class CommandFailed(BonetrackError):
+    """A command that was to be measured failed."""
+
+
+@dataclass(frozen=True)
+class Process:
+    """A command, the seconds it took from start to end, and the most memory (MiB) that it held."""
+
+    command: str
+    seconds: float
+    peak_mib: float
+
+
+def whole_commands(recording: Recording, anatomy: str, *, repeat: int) -> list[Process]:
+    """``--help``, ``adapt`` and ``track`` on the recording, and ``demo``: each as a process of its own.
+
+    Raises:
+        CommandFailed: one of them did.
+    """
+    helps = [measured("--help", []) for _ in range(repeat)]
+    processes = [sorted(helps, key=lambda process: process.seconds)[repeat // 2]]
+    with TemporaryDirectory() as folder:
+        copy, subject = Path(folder) / "recording", Path(folder) / "subject.npz"
+        shutil.copytree(recording.path, copy)
+        if recording.calibration is not None:
+            write_calibration(replace(recording, path=copy), recording.calibration)
+        processes.append(measured("adapt", [str(copy), "--anatomy", anatomy, "--out", str(subject)]))
+        motion = Path(folder) / "motion"
+        processes.append(measured("track", [str(copy), "--subject", str(subject), "--out", str(motion)]))
+        processes.append(measured("demo", ["--anatomy", anatomy, "--out", str(Path(folder) / "demo")]))
+    return processes
+
+
+def measured(command: str, arguments: Sequence[str]) -> Process:
+    """Run ``bonetrack COMMAND ARGUMENTS`` in a process of its own.
+
+    Raises:
+        CommandFailed: it ended with an error, whose last line is told.
+    """
+    start = time.perf_counter()
+    with TemporaryFile() as said:
+        child = subprocess.Popen([sys.executable, "-c", _COMMAND, command, *arguments], stdout=said, stderr=said)
+        _, status, usage = os.wait4(child.pid, 0)
+        seconds = time.perf_counter() - start
+        child.returncode = os.waitstatus_to_exitcode(status)
+        if child.returncode:
+            said.seek(0)
+            lines = said.read().decode(errors="replace").strip().splitlines()
+            raise CommandFailed(f"`bonetrack {command}` failed: {lines[-1] if lines else 'it said nothing'}")
+    per_mib = 2**20 if sys.platform == "darwin" else 2**10  # of ru_maxrss: bytes there, KiB elsewhere
+    return Process(command, seconds, usage.ru_maxrss / per_mib)
