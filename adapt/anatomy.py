@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import AnatomyError
-from capture.files import UNREADABLE, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -286,10 +286,10 @@ def _known() -> list[str]:
 
 def _read_anatomy(path: Path) -> Anatomy:
     try:
-        with np.load(path, allow_pickle=False) as data:
-            description = json.loads(str(data["description"]))
-            _check_format(description, path)
-            arrays = {key: _widen(data[key]) for key in data.files if key != "description"}
+        read = read_arrays(path)
+        description = json.loads(str(read.pop("description")))
+        _check_format(description, path)
+        arrays = {key: _widen(value) for key, value in read.items()}
         return _from_parts(description, arrays)
     except UNREADABLE as error:
         raise AnatomyError("not an anatomy file", where=path, remedy="build or download it again") from error

@@ -13,7 +13,7 @@ from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, make_body
 from adapt.tissue import MODES
 from capture.errors import AnatomyError
-from capture.files import UNREADABLE, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete
 
 FORMAT = "bonetrack-subject"
 VERSION = 2  # 1: the covariance is that of the shape alone
@@ -72,9 +72,9 @@ def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
     if not path.is_file():
         raise AnatomyError("no such subject file", where=path, remedy="make one with `bonetrack adapt`")
     try:
-        with np.load(path, allow_pickle=False) as data:
-            description = json.loads(str(data["description"]))
-            arrays = {key: data[key].astype(np.float64) for key in data.files if key != "description"}
+        read = read_arrays(path)
+        description = json.loads(str(read.pop("description")))
+        arrays = {key: value.astype(np.float64) for key, value in read.items()}
         return _from_parts(path, description, arrays, anatomy)
     except UNREADABLE as error:
         raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`") from error
@@ -93,7 +93,10 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: 
             where=path,
             remedy=f"adapt one with --anatomy {asked}",
         )
-    template = load_anatomy(description["anatomy"])
+    name, report = description["anatomy"], description["report"]
+    if not isinstance(name, str) or not isinstance(report, dict) or Path(name).name != name or Path(name).suffix:
+        raise ValueError("an anatomy's name and a report are expected")
+    template = load_anatomy(name)
     if len(template.skin_vertices) != description["skin_vertices"]:
         raise AnatomyError(
             f"made with another template of {template.name}", where=path, remedy="adapt the subject again"
@@ -107,4 +110,7 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: 
         raise AnatomyError(
             f"has a covariance of shape {covariance.shape}", where=path, remedy="adapt the subject again"
         )
-    return Subject(body, arrays["thetas"], arrays["times"], covariance, description["report"])
+    thetas, times = arrays["thetas"], arrays["times"]
+    if times.ndim != 1 or thetas.shape != (len(times), len(template.coordinates)):
+        raise ValueError(f"poses of shape {thetas.shape} at times of shape {times.shape}")
+    return Subject(body, thetas, times, covariance, report)

@@ -17,7 +17,7 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import bone_transforms, joint_centres
 from adapt.subject import Subject
 from capture.errors import BonetrackError
-from capture.files import UNREADABLE, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete
 from track.settings import Settings
 from track.shown import Bools, centres_known
 
@@ -116,9 +116,8 @@ def load_motion(folder: Path) -> Motion:
     if not path.is_file():
         raise MotionError("no motion here", where=folder, remedy="make one with `bonetrack track`")
     try:
-        with np.load(path, allow_pickle=False) as data:
-            description = json.loads(str(data["description"]))
-            arrays = {key: data[key] for key in data.files if key != "description"}
+        arrays = read_arrays(path)
+        description = json.loads(str(arrays.pop("description")))
         if description["format"] != FORMAT:
             raise ValueError(description["format"])
         if description["version"] > VERSION:
@@ -128,7 +127,7 @@ def load_motion(folder: Path) -> Motion:
         if description["version"] < 2:
             tracked = np.array([reason == TRACKED for reason in description["lost"]])
             arrays["shown"] = np.tile(tracked[:, None], (1, len(transforms)))
-        return Motion(
+        motion = Motion(
             anatomy=description["anatomy"],
             coordinates=tuple(description["coordinates"]),
             lost=tuple(description["lost"]),
@@ -138,8 +137,34 @@ def load_motion(folder: Path) -> Motion:
             centres=_group(arrays, "centres/"),
             **{name: arrays[name] for name in _ARRAYS},
         )
+        _refuse_other_shapes(motion)
+        return motion
     except UNREADABLE as error:
         raise MotionError("not a motion file", where=path, remedy="make one with `bonetrack track`") from error
+
+
+def _refuse_other_shapes(motion: Motion) -> None:
+    """Raise ValueError for a motion whose parts are not of one number of frames, coordinates and bones."""
+    frames, coordinates = len(motion.times), len(motion.coordinates)
+    shapes = {
+        "times": (frames,),
+        "thetas": (frames, coordinates),
+        "deviations": (frames, coordinates),
+        "lost": (frames,),
+        "how": (len(motion.how) and frames,),
+        "residuals": (frames,),
+        "coverage": (frames,),
+        "matches": (frames,),
+        "shown": (frames, len(motion.transforms)),
+    }
+    told = {name: np.shape(getattr(motion, name)) for name in shapes}
+    told |= {name: pose.shape for name, pose in motion.transforms.items()}
+    shapes |= dict.fromkeys(motion.transforms, (frames, 4, 4))
+    told |= {f"centre of {name}": centre.shape for name, centre in motion.centres.items()}
+    shapes |= {f"centre of {name}": (frames, 3) for name in motion.centres}
+    if told != shapes or not isinstance(motion.anatomy, str):
+        wrong = [name for name in shapes if told[name] != shapes[name]]
+        raise ValueError(f"of another shape than the times: {', '.join(wrong)}")
 
 
 def coordinate_names(anatomy: Anatomy) -> tuple[str, ...]:

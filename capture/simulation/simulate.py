@@ -380,7 +380,7 @@ def _read_mesh_file(path: Path) -> tuple[Floats, Ints, float]:
     try:
         with np.load(path, allow_pickle=False) as data:
             missing = [key for key in ("vertices", "faces", "fps") if key not in data]
-            arrays = {} if missing else {key: data[key] for key in ("vertices", "faces", "fps")}
+            arrays = {} if missing else {key: np.asarray(data[key]) for key in ("vertices", "faces", "fps")}
     except FileNotFoundError as error:
         raise RecordingError("does not exist", where=path, remedy="name the mesh's .npz file") from error
     except UNREADABLE as error:

@@ -5,8 +5,11 @@ Only ``BonetrackError`` may come out. Used by tests/test_import_fuzz.py (few inp
 
 from __future__ import annotations
 
+import functools
+import io
 import json
 import tempfile
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +17,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from adapt.anatomy import Anatomy, load_anatomy
+from adapt.model.body import make_body
+from adapt.subject import Subject, load_subject, save_subject
 from capture.importers import Stated, open_source
 from capture.importers.openni_codec import decode, decode_with_table
 from capture.recording import colour_image, open_recording
+from capture.recording.read import read_calibration
 from tests.sensor_files import scene
+from track.motion import Motion, load_motion, save_motion
+from track.poses_by_hand import HandPose, read_poses, write_poses
 
 FILES = Path(__file__).parents[1] / "sensor_files"
 STATED = Stated(fx=60.0, size=(16, 12))
@@ -130,6 +139,82 @@ def _recording_seeds() -> list[bytes]:
     ]
 
 
+def _read_calibration(data: bytes, scratch: Path) -> None:
+    (scratch / "calibration.json").write_bytes(data)
+    read_calibration(scratch / "calibration.json", ["left"])
+
+
+def _calibration_seeds() -> list[bytes]:
+    left = {"world_from_sensor": np.eye(4).tolist(), "residual_mm": 0.5}
+    return [json.dumps({"format": "bonetrack-calibration", "version": 1, "sensors": {"left": left}}).encode()]
+
+
+@functools.cache
+def _anatomy() -> Anatomy:
+    return load_anatomy("upper-limb-right")
+
+
+@functools.cache
+def made_files() -> tuple[bytes, bytes, bytes]:
+    """Files of a subject, of a motion of two frames, and of a pose set by hand."""
+    anatomy = _anatomy()
+    body, bones, count = make_body(anatomy), len(anatomy.bones), len(anatomy.coordinates)
+    subject = Subject(body, np.zeros((2, count)), np.zeros(2), np.eye(len(body.shape)), {"poses": []})
+    poses = {bone.name: np.tile(np.eye(4), (2, 1, 1)) for bone in anatomy.bones}
+    centres = {joint.name: np.zeros((2, 3)) for joint in anatomy.joints}
+    names, per_frame = tuple(c.name for c in anatomy.coordinates), np.zeros(2)
+    values = np.zeros((2, count))
+    shown = np.ones((2, bones), dtype=bool)
+    motion = Motion(
+        anatomy.name, names, np.arange(2.0), values, values, ("", ""), *[per_frame] * 3, shown, poses, centres
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        save_subject(subject, home / "subject.npz")
+        save_motion(motion, home)
+        write_poses(home / "poses.json", anatomy, [HandPose("one", 0, values[0])])
+        one, two, three = ((home / name).read_bytes() for name in ("subject.npz", "motion.npz", "poses.json"))
+    return one, two, three
+
+
+def _members(file: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(file)) as members:
+        return {name: members.read(name) for name in members.namelist()}
+
+
+def _inside(file: Callable[[], bytes], read: Callable[[Path], object]) -> Target:
+    """What stands inside an ``.npz`` file: its description, and a short array with its header, one after the other.
+
+    A changed byte of the file itself would only fail its checksum.
+    """
+
+    def description() -> bytes:
+        return str(np.load(io.BytesIO(file()))["description"]).encode()
+
+    def read_changed(data: bytes, scratch: Path) -> None:
+        text, _, array = data.partition(_BETWEEN)
+        written = io.BytesIO()
+        np.save(written, np.array(text.decode("utf-8", errors="replace")))
+        changed = _members(file()) | {"description.npy": written.getvalue()} | ({"times.npy": array} if array else {})
+        with zipfile.ZipFile(scratch / "fuzzed.npz", "w") as members:
+            for name, content in changed.items():
+                members.writestr(name, content)
+        read(scratch / "fuzzed.npz")
+
+    return Target(lambda: [description(), description() + _BETWEEN + _members(file())["times.npy"]], read_changed)
+
+
+_BETWEEN = b"\0\0\0\0"
+
+
+def _written(name: str, file: Callable[[], bytes], read: Callable[[Path], object]) -> Target:
+    def read_changed(data: bytes, scratch: Path) -> None:
+        (scratch / name).write_bytes(data)
+        read(scratch / name)
+
+    return Target(lambda: [file()], read_changed)
+
+
 TARGETS = {
     "openni": _file(".oni", "openni.oni", "openni-mirrored-jpeg.oni"),
     "openni-codec": Target(
@@ -144,5 +229,12 @@ TARGETS = {
     "tum": Target(lambda: [b"# list\n1.0 depth/0.png\n"], _read_tum),
     "redwood": Target(_redwood_seeds, _read_redwood),
     "colour": Target(lambda: [cv2.imencode(".jpg", scene.colour(0))[1].tobytes(), _png(scene.colour(0))], _read_colour),
+    "raw": Target(lambda: [bytes(2 * 16 * 12)], _file(".raw").read),
     "recording": Target(_recording_seeds, _read_recording),
+    "calibration": Target(_calibration_seeds, _read_calibration),
+    "subject": _written("subject.npz", lambda: made_files()[0], load_subject),
+    "inside-a-subject": _inside(lambda: made_files()[0], load_subject),
+    "motion": _written("motion.npz", lambda: made_files()[1], load_motion),
+    "inside-a-motion": _inside(lambda: made_files()[1], load_motion),
+    "poses-by-hand": _written("poses.json", lambda: made_files()[2], lambda path: read_poses(path, _anatomy())),
 }

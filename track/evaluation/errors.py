@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
 from adapt.subject import Subject
-from capture.files import UNREADABLE, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete
 from capture.recording import Recording, world_from_sensor
 from capture.rigid import apply, inverse, log_so3, transform
 from track.motion import Motion, MotionError
@@ -120,11 +120,11 @@ def read_truth(recording: Recording) -> Truth:
     if not path.is_file():
         raise MotionError("has no known truth (truth.npz)", where=recording.path, remedy=remedy)
     try:
-        with np.load(path, allow_pickle=False) as data:
-            anatomy = load_anatomy(str(data["anatomy"]))
-            v_hat = anatomy.skin_vertices + data["displacement"]
-            sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
-            return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)
+        data = read_arrays(path)
+        anatomy = load_anatomy(str(data["anatomy"]))
+        v_hat = anatomy.skin_vertices + data["displacement"]
+        sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
+        return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)
     except UNREADABLE as error:
         raise MotionError("does not hold an anatomy's truth", where=path, remedy=remedy) from error
 

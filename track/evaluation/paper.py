@@ -109,7 +109,7 @@ def main(
         results = {case: run_case(experiment, case, out) for case in told}
         images = (page.parent if page else out) / "images"
         sections.append(section(experiment, results, images))
-        stdout.print(sections[-1], markup=False, highlight=False)
+        stdout.print(sections[-1], markup=False, highlight=False, soft_wrap=True)
     if page is not None:
         with replaced_when_complete(page) as partial:
             partial.write_text("\n".join([_HEAD, *sections]), encoding="utf-8")
