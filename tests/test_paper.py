@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ from tests.toy_anatomy import toy_anatomy
 from track.evaluation import paper
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import carried
-from track.evaluation.paper import ON_REAL_ANATOMY, on_real_anatomy, run_case, section
+from track.evaluation.page import page_text, section
+from track.evaluation.paper import ON_REAL_ANATOMY, on_real_anatomy, results_of
+from track.evaluation.results import EvaluationError, run_case
 
 
 def counting(runs: list[str]) -> Experiment:
@@ -24,7 +27,10 @@ def counting(runs: list[str]) -> Experiment:
     def describe(results: Mapping[str, Result], images: Path) -> str:
         return markdown_table([["case", "error"], *[[case, str(r["error"])] for case, r in results.items()]])
 
-    return Experiment("counting", "Counting", ("seed 1", "seed 2"), run, describe)
+    def losses(results: Mapping[str, Result]) -> list[str]:
+        return [f"{len(results)} cases are too many"]
+
+    return Experiment("counting", "Counting", ("seed 1", "seed 2"), run, describe, losses)
 
 
 def test_a_case_is_run_once_and_read_afterwards(tmp_path: Path) -> None:
@@ -32,15 +38,43 @@ def test_a_case_is_run_once_and_read_afterwards(tmp_path: Path) -> None:
     experiment = counting(runs)
     first = [run_case(experiment, case, tmp_path) for case in experiment.cases]
     again = [run_case(experiment, case, tmp_path) for case in experiment.cases]
-    assert first == again == [{"error": 1}, {"error": 2}]
+    assert first == again
+    assert [case.result for case in first] == [{"error": 1}, {"error": 2}]
     assert runs == ["seed 1", "seed 2"]
 
 
 def test_the_page_shows_the_results(tmp_path: Path) -> None:
     experiment = counting([])
-    text = section(experiment, {case: run_case(experiment, case, tmp_path) for case in experiment.cases}, tmp_path)
+    text = section(experiment, results_of(experiment, tmp_path, experiment.cases), tmp_path)
     assert text.splitlines()[0] == "## Counting"
     assert "| seed 2 | 2 |" in text
+
+
+def test_the_page_is_written_from_what_was_run_and_says_what_was_not(tmp_path: Path) -> None:
+    runs: list[str] = []
+    experiment = counting(runs)
+    results_of(experiment, tmp_path, ["seed 1"])
+    found = {"counting": results_of(experiment, tmp_path, [])}
+    text = page_text([experiment], found, tmp_path / "images")
+    assert runs == ["seed 1"]
+    assert "1 of 2 cases have been run" in text
+    assert "- Counting: 1 cases are too many" in text
+    assert "| counting | 2 | 1 |" in text
+
+
+def test_the_page_says_when_a_template_has_been_built_anew_since(tmp_path: Path) -> None:
+    case = run_case(counting([]), "seed 1", tmp_path)
+    old = replace(case, templates={**case.templates, "upper-limb-right": "another"})
+    assert "another build of" not in section(counting([]), {"seed 1": case}, tmp_path)
+    assert "another build of upper-limb-right" in section(counting([]), {"seed 1": old}, tmp_path)
+
+
+def test_a_file_that_is_no_result_is_told_of(tmp_path: Path) -> None:
+    file = tmp_path / "counting" / "seed-1.json"
+    file.parent.mkdir()
+    file.write_text('{"error": 1}')
+    with pytest.raises(EvaluationError, match=r"seed-1\.json: is not a result; delete it"):
+        run_case(counting([]), "seed 1", tmp_path)
 
 
 def test_a_summary_passes_over_what_is_not_known() -> None:

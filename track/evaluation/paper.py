@@ -4,19 +4,19 @@
         [--page docs/evaluation.md]
 
 A heavy evaluation, not a test. Each case's result is a file DIR/EXPERIMENT/CASE.json; a run that was cut short
-goes on. The page is written from what is to be run and what has been run before.
+goes on. The page is written from what has been run, and says what has not; ``--no-run`` only writes the page.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import click
 
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from track.evaluation.benchmark import hold_to_one_thread
 from track.evaluation.experiments import (
     bend_and_twist,
     faults,
@@ -29,7 +29,9 @@ from track.evaluation.experiments import (
     skin,
     starts,
 )
-from track.evaluation.experiments.experiment import Experiment, Result
+from track.evaluation.experiments.experiment import Experiment
+from track.evaluation.page import images_of, page_text, section
+from track.evaluation.results import Case, read_case, run_case
 
 EXPERIMENTS: tuple[Experiment, ...] = (
     poses.EXPERIMENT,
@@ -49,30 +51,6 @@ ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
 NAMES = (*(experiment.name for experiment in EXPERIMENTS), *ON_REAL_ANATOMY)
 
 
-def result_file(experiment: Experiment, case: str, out: Path) -> Path:
-    """Where the result of a case is kept."""
-    return out / experiment.name / f"{case.replace(' ', '-')}.json"
-
-
-def run_case(experiment: Experiment, case: str, out: Path) -> Result:
-    """The result of a case: read, if it has been run; otherwise run and kept."""
-    done = result_file(experiment, case, out)
-    folder = done.with_suffix("")
-    if not done.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        with stdout.status(f"{experiment.title}: {case}"):
-            result = experiment.run(case, folder)
-        with replaced_when_complete(done) as partial:
-            partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    return dict(json.loads(done.read_text(encoding="utf-8")))
-
-
-def section(experiment: Experiment, results: dict[str, Result], images: Path) -> str:
-    """The experiment's part of the page."""
-    images.mkdir(parents=True, exist_ok=True)
-    return f"## {experiment.title}\n\n{experiment.describe(results, images).strip()}\n"
-
-
 def on_real_anatomy(data: Path | None) -> list[Experiment]:
     """The experiments on real anatomy; none, and a line that says why, where its folder is not there."""
     if data is None or not data.is_dir():
@@ -82,44 +60,48 @@ def on_real_anatomy(data: Path | None) -> list[Experiment]:
     return [experiment(data) for experiment in ON_REAL_ANATOMY.values()]
 
 
+def results_of(experiment: Experiment, out: Path, wanted: Sequence[str]) -> dict[str, Case]:
+    """An experiment's cases: those ``wanted`` are run, if they have not been, and others read, if they have been."""
+    found = {
+        case: run_case(experiment, case, out) if case in wanted else read_case(experiment, case, out)
+        for case in experiment.cases
+    }
+    return {case: result for case, result in found.items() if result is not None}
+
+
 @click.command()
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Results, case by case.")
-@click.option(
-    "--only",
-    multiple=True,
-    type=click.Choice([*(e.name for e in EXPERIMENTS), *ON_REAL_ANATOMY]),
-    help="Some experiments.",
-)
-@click.option("--cases", type=int, help="At most so many cases of each.")
+@click.option("--only", multiple=True, type=click.Choice(NAMES), help="Run some experiments; the page shows all.")
+@click.option("--cases", type=int, help="Run at most so many cases of each.")
 @click.option(
     "--matching", default="", metavar="TEXT", help="Run only cases whose name has this, such as 'arm clocks'."
 )
+@click.option("--run/--no-run", default=True, show_default=True, help="Run what has no result, or only read results.")
 @click.option("--anatomy-data", type=click.Path(path_type=Path, file_okay=False), help="Folder of real anatomy.")
 @click.option("--page", type=click.Path(path_type=Path), help="The Markdown page to write; pictures go beside it.")
 def main(
-    out: Path, only: tuple[str, ...], cases: int | None, matching: str, anatomy_data: Path | None, page: Path | None
+    out: Path,
+    only: tuple[str, ...],
+    cases: int | None,
+    matching: str,
+    run: bool,
+    anatomy_data: Path | None,
+    page: Path | None,
 ) -> None:
     """Run the experiments and write the page."""
-    sections = []
-    for experiment in (*EXPERIMENTS, *on_real_anatomy(anatomy_data)):
-        if only and experiment.name not in only:
-            continue
-        asked = [case for case in experiment.cases[:cases] if matching in case]
-        told = [case for case in experiment.cases if case in asked or result_file(experiment, case, out).is_file()]
-        results = {case: run_case(experiment, case, out) for case in told}
-        images = (page.parent if page else out) / "images"
-        sections.append(section(experiment, results, images))
-        stdout.print(sections[-1], markup=False, highlight=False, soft_wrap=True)
+    hold_to_one_thread()
+    on_people = on_real_anatomy(anatomy_data) if run else [make(out) for make in ON_REAL_ANATOMY.values()]
+    found: dict[str, dict[str, Case]] = {}
+    for experiment in (everything := (*EXPERIMENTS, *on_people)):
+        chosen = run and (not only or experiment.name in only)
+        wanted = [case for case in experiment.cases[:cases] if chosen and matching in case]
+        found[experiment.name] = results_of(experiment, out, wanted)
+        if chosen and page is None:
+            stdout.print(section(experiment, found[experiment.name], out / "images"), markup=False, highlight=False)
     if page is not None:
+        text = page_text(everything, found, images_of(page))
         with replaced_when_complete(page) as partial:
-            partial.write_text("\n".join([_HEAD, *sections]), encoding="utf-8")
-
-
-_HEAD = """# Evaluation: the paper's experiments, with truth
-
-Made by `python -m track.evaluation.paper --out DIR --page docs/evaluation.md`; every number is of that run. Errors are
-absolute, mean ± SD (maximum) over frames, unless said otherwise.
-"""
+            partial.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

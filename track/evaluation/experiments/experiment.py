@@ -21,7 +21,7 @@ class Experiment:
     ``cases`` are names such as "seed 1"; ``run`` takes one, and a folder to work in, and returns plain JSON: each
     is kept in a file of its own, so that a run that was cut short goes on. ``describe`` turns the results by case
     into Markdown below the heading ``title``; the pictures it draws go into the folder it is given, and are named in
-    the text relative to ``images``.
+    the text relative to ``images``. ``losses`` says in a line each where an aim is missed or a comparison lost.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Experiment:
     cases: tuple[str, ...]
     run: Callable[[str, Path], Result] = field(repr=False)
     describe: Callable[[Mapping[str, Result], Path], str] = field(repr=False)
+    losses: Callable[[Mapping[str, Result]], list[str]] = field(repr=False, default=lambda _: [])
 
 
 def summary(values: ArrayLike, *, digits: int = 2) -> str:

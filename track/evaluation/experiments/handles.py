@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,18 @@ def _table(case: str, result: Result) -> str:
     return markdown_table(rows)
 
 
+def losses(results: Mapping[str, Result]) -> list[str]:
+    """Where affine maps of the bones know them better than handles do, from the same."""
+    lines = []
+    for (case, result), kind, error in product(results.items(), _PEOPLE, _KINDS):
+        means = {method: np.mean([person[error] for person in result[kind][method]]) for method in _METHODS}
+        for known in ("bones known", "skin known"):
+            ours, theirs = means[f"handles, {known}"], means[f"affine, {known}"]
+            told = f"{case}, {kind}, {known}: {error} {ours:.2f} mm by handles, {theirs:.2f} mm by affine maps"
+            lines += [told] if ours > theirs else []
+    return lines
+
+
 def _draw(anatomy: Anatomy, path: Path) -> None:
     """The first person's bones, reconstructed from the skin, coloured by how far each vertex is off."""
     figure = new_figure(9.6, 4.2)
@@ -146,4 +159,5 @@ EXPERIMENT = Experiment(
     ("upper-limb-right", "lower-limb-right"),
     run,
     describe,
+    losses,
 )

@@ -104,6 +104,21 @@ once automatically to six poses; then the whole is tracked with either.
 """
 
 
+def losses(results: Mapping[str, Result]) -> list[str]:
+    """What six poses know worse than one."""
+    lines = []
+    for part, unit in (("centres_mm", "mm"), ("angles_deg", "deg")):
+        for name in next(iter(results.values()))[_KINDS[0]][part]:
+            one, six = (np.mean(np.concatenate([r[kind][part][name] for r in results.values()])) for kind in _KINDS)
+            lines += [f"{name}: six poses {six:.2f} {unit}, one pose {one:.2f} {unit}"] if six > one else []
+    return lines
+
+
 EXPERIMENT = Experiment(
-    "figure-8-poses", "Figure 8: one straight arm, or several poses", ("seed 1", "seed 2", "seed 3"), run, describe
+    "figure-8-poses",
+    "Figure 8: one straight arm, or several poses",
+    ("seed 1", "seed 2", "seed 3"),
+    run,
+    describe,
+    losses,
 )

@@ -340,6 +340,23 @@ def _table(results: Mapping[str, Result]) -> str:
     return markdown_table(rows)
 
 
+def losses(results: Mapping[str, Result]) -> list[str]:
+    """The aims that the mean over seeds misses, limb by limb, and by how much."""
+    lines = []
+    for name in LIMBS:
+        scores = [result["ways"] for case, result in results.items() if case.split()[0] == name]
+        for way in (f"adapted, {start}" for start in STARTS if scores):
+            missed = missed_aims([_measures(score[way]) for score in scores])
+            lines += [f"{name}, {way}: {missed}"] if missed else []
+    return lines
+
+
+def missed_aims(measured: Sequence[Mapping[str, tuple[float, float]]]) -> str:
+    """In words, which means over several measurements of (value, aim) by title are beyond the aim."""
+    means = {title: (float(np.mean([m[title][0] for m in measured])), aim) for title, (_, aim) in measured[0].items()}
+    return ", ".join(f"{title} {mean:.1f} (aim {aim:g})" for title, (mean, aim) in means.items() if mean > aim)
+
+
 def _joined(rows: list[list[float]]) -> str:
     return " / ".join(f"{value:.1f}" for value in np.mean(rows, axis=0))
 
@@ -387,4 +404,4 @@ His bones (green) and ours (bone) inside his skin, adapted from the given start;
 def experiment(data: Path) -> Experiment:
     """The experiment on the man below ``data``."""
     cases = tuple(f"{name} seed {seed}" for seed in SEEDS for name in LIMBS)
-    return Experiment(NAME, TITLE, cases, partial(run, data=data), describe)
+    return Experiment(NAME, TITLE, cases, partial(run, data=data), describe, losses)

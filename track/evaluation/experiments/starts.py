@@ -31,6 +31,9 @@ _OUTER, _INNER, _SKIN_UPDATES, _SKIN_GATE_M = 3, 8, 3, 0.02  # as many and as wi
 _AROUND_DEG, _AROUND_M = 6.0, 0.015  # every coordinate is off by at most so much, besides what a start says
 
 
+_NEAR = 2.0  # an end this many times as far from the truth as the best is a lost one
+
+
 @dataclass(frozen=True)
 class Start:
     """A first guess: the template times ``scale``, bent at the elbow by ``elbow_deg`` more than the truth."""
@@ -175,6 +178,17 @@ def _draw(traces: Mapping[str, list[Result]], path: Path) -> None:
     save_figure(figure, path)
 
 
+def losses(results: Mapping[str, Result]) -> list[str]:
+    """The starts that end far from where the truth as a start ends."""
+    lines = []
+    for case, result in results.items():
+        best = result["started_at_truth"]["skin_mm"]
+        ends = {name: trace[-1]["skin_mm"] for name, trace in result["traces"].items()}
+        far = [f"{name} {end:.1f} mm" for name, end in ends.items() if end > _NEAR * best]
+        lines += [f"{case}, skin in the end (from the truth: {best:.1f} mm): {', '.join(far)}"] if far else []
+    return lines
+
+
 EXPERIMENT = Experiment(
-    "figure-18-starts", "Figure 18: four different starts", ("seed 1", "seed 2", "seed 3"), run, describe
+    "figure-18-starts", "Figure 18: four different starts", ("seed 1", "seed 2", "seed 3"), run, describe, losses
 )
