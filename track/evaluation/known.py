@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Target
 from adapt.model.body import Body, joint_centres
 from capture.calibration.calibrate import calibrate_recording, write_calibration
@@ -17,8 +17,8 @@ from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.recording import Calibration, Recording, instants, open_recording
 from capture.rigid import exp_so3, inverse, log_so3
 from capture.simulation.sensor import NoiseModel, carmine
-from capture.simulation.simulate import SensorRig
-from track.evaluation.errors import read_truth, world_from_common
+from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
+from track.evaluation.errors import read_truth, world_from_common, world_of_sensors
 from track.evaluation.performance import Performance
 from track.evaluation.simulate import simulate_performance
 from track.evaluation.things import Thing
@@ -68,6 +68,25 @@ def record_known(
     truth = read_truth(recording)
     common_from_world = inverse(world_from_common(recording, truth))
     return KnownRecording(recording, truth.body, carried(truth.body.anatomy, truth.thetas, common_from_world))
+
+
+def record_meshes(
+    frames: Iterable[Floats], faces: Ints, times: Sequence[float], out: Path, *, points: Floats, seed: int
+) -> tuple[Recording, Floats]:
+    """The calibrated recording of any moving mesh by two Carmine sensors, and where its common frame is (4, 4).
+
+    The sensors are placed around ``points`` (N, 3). A recording that stands there already is used as it is.
+    """
+    if not (out / "truth.npz").is_file():
+        rig = default_rig(points, seed=seed)
+        simulate_recording(out, frames, faces, times, rig=rig, noise=CARMINE, seed=seed, overwrite=True)
+    recording = open_recording(out)
+    if recording.calibration is None:
+        write_calibration(recording, calibrate_recording(recording))
+        recording = open_recording(out)
+    with np.load(out / "truth.npz", allow_pickle=False) as truth:
+        sensors = dict(zip(truth["sensor_names"].tolist(), truth["world_from_sensor"], strict=True))
+    return recording, world_of_sensors(recording, sensors)
 
 
 def carried(anatomy: Anatomy, thetas: Floats, to_from: Floats) -> Floats:

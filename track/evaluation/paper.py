@@ -19,11 +19,13 @@ from capture.files import replaced_when_complete
 from track.evaluation.benchmark import hold_to_one_thread
 from track.evaluation.experiments import (
     bend_and_twist,
+    bodies,
     faults,
     forearm,
     handles,
     poses,
     real_bones,
+    real_motion,
     real_person,
     sensitivity,
     skin,
@@ -37,6 +39,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     poses.EXPERIMENT,
     forearm.EXPERIMENT,
     bend_and_twist.EXPERIMENT,
+    bodies.EXPERIMENT,
     skin.EXPERIMENT,
     starts.EXPERIMENT,
     handles.EXPERIMENT,
@@ -46,6 +49,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
 ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
     real_bones.NAME: real_bones.experiment,
     real_person.NAME: real_person.experiment,
+    real_motion.NAME: real_motion.experiment,
 }
 """Made of real people's surfaces, which stand in a folder outside the project."""
 NAMES = (*(experiment.name for experiment in EXPERIMENTS), *ON_REAL_ANATOMY)

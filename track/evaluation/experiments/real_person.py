@@ -31,13 +31,11 @@ from adapt.fit.sample import sample_skin
 from adapt.fit.start import find_pose
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.handles import affine_set
-from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import fuse, region_of_interest
-from capture.recording import Recording, instants, open_recording
+from capture.recording import instants
 from capture.rigid import apply, inverse, transform
-from capture.simulation.simulate import simulate_recording
 from track.evaluation import known
-from track.evaluation.errors import distance_to_mesh, world_of_sensors
+from track.evaluation.errors import distance_to_mesh
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.surface_fit import fit_family, greatest_length, read_mesh, rigid
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
@@ -48,8 +46,8 @@ SEEDS = (1, 2, 3)
 STARTS = ("start given", "start found")
 _LEAST_SIZE = 0.7  # of a template scaled to him by hand
 _START_DEG, _START_M = 6.0, 0.015  # how far off a given first pose is
-_FOLDER = "bodyparts3d"
-_WORLD_FROM_HIM = transform(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]), np.zeros(3))
+FOLDER = "bodyparts3d"
+WORLD_FROM_HIM = transform(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]), np.zeros(3))
 """His axes are left, back, up; the world's are forward, up, right."""
 _FITTED = 0.5  # a vertex of the skin that counts by more than this in fitting is one of the limb proper
 _SHAFT = 0.6  # the middle share of a long bone's length
@@ -113,12 +111,12 @@ class RealLimb:
 
 def read_limb(limb: Limb, data: Path) -> RealLimb:
     """His limb. The skin's cut is closed by flat pieces, which sensors then see where his trunk would be."""
-    folder = data / _FOLDER / limb.folder
+    folder = data / FOLDER / limb.folder
     text = (folder / "landmarks.json").read_text(encoding="utf-8")
-    points = {name: apply(_WORLD_FROM_HIM, np.array([at]))[0] for name, at in json.loads(text)["landmarks"].items()}
+    points = {name: apply(WORLD_FROM_HIM, np.array([at]))[0] for name, at in json.loads(text)["landmarks"].items()}
     return RealLimb(
-        closed(_in_world(read_mesh(folder / "skin.ply"))),
-        {name: _in_world(read_mesh(folder / "bones" / f"{name}.ply")) for name in limb.bones},
+        closed(in_world(read_mesh(folder / "skin.ply"))),
+        {name: in_world(read_mesh(folder / "bones" / f"{name}.ply")) for name in limb.bones},
         {joint: np.mean([points[name] for name in his], axis=0) for joint, (_, his) in limb.centres.items()},
         points,
     )
@@ -137,8 +135,9 @@ def closed(mesh: Mesh) -> Mesh:
     return Mesh(np.concatenate([mesh.vertices, *(m[None] for m in middles)]), np.concatenate([mesh.faces, fans]))
 
 
-def _in_world(mesh: Mesh) -> Mesh:
-    return Mesh(apply(_WORLD_FROM_HIM, mesh.vertices), mesh.faces)
+def in_world(mesh: Mesh) -> Mesh:
+    """A surface of his in the world's axes."""
+    return Mesh(apply(WORLD_FROM_HIM, mesh.vertices), mesh.faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +155,9 @@ def run(case: str, folder: Path, *, data: Path) -> Result:
     name, seed = case.split()[0], int(case.split()[-1])
     limb = LIMBS[name]
     him = read_limb(limb, data)
-    recording, world_from_common = _record(him.skin, folder / "recording", seed=seed)
+    recording, world_from_common = known.record_meshes(
+        [him.skin.vertices], him.skin.faces, [0.0], folder / "recording", points=him.skin.vertices, seed=seed
+    )
     target = Target(fuse(recording, instants(recording)[0], region=region_of_interest(recording)))
     anatomy = load_anatomy(limb.anatomy)
     sized, theta = _by_landmarks(anatomy, limb, him, inverse(world_from_common))
@@ -209,17 +210,6 @@ def _off(theta: Floats, body: Body, rng: np.random.Generator) -> Floats:
     return np.asarray(theta + rng.uniform(-1.0, 1.0, len(scale)) * scale)
 
 
-def _record(skin: Mesh, out: Path, *, seed: int) -> tuple[Recording, Floats]:
-    """The calibrated recording of a skin that stands still, and where its common frame is in the world (4, 4)."""
-    simulate_recording(out, [skin.vertices], skin.faces, [0.0], noise=known.CARMINE, seed=seed, overwrite=True)
-    recording = open_recording(out)
-    write_calibration(recording, calibrate_recording(recording))
-    recording = open_recording(out)
-    with np.load(out / "truth.npz", allow_pickle=False) as truth:
-        sensors = dict(zip(truth["sensor_names"].tolist(), truth["world_from_sensor"], strict=True))
-    return recording, world_of_sensors(recording, sensors)
-
-
 def posed(body: Body, theta: Floats, limb: Limb, world_from_common: Floats) -> Posed:
     """Our posed skin, long bones and centres, in the world."""
     bones, carried = posed_bones(body, theta), bone_transforms(body, theta)
@@ -250,7 +240,7 @@ def compared(ours: Posed, him: RealLimb) -> Result:
             for name, (a, b) in between.items()
         },
         "lengths_m": {name: [greatest_length(of.bones[name]) for of in (ours, him)] for name in him.bones},
-        "axes_deg": {name: _axis_error(ours.bones[name], bone) for name, bone in him.bones.items()},
+        "axes_deg": {name: axis_between(ours.bones[name], bone) for name, bone in him.bones.items()},
         "skin_mm": _three(distance_to_mesh(ours.skin.vertices[ours.fitted], him.skin.vertices, him.skin.faces)),
         "surfaces": {name: _surface_error(ours.bones[name], bone) for name, bone in him.bones.items()},
     }
@@ -270,7 +260,8 @@ def _principal_axis(points: Floats, weights: Floats) -> Floats:
     return np.asarray(np.linalg.eigh(np.cov(points.T, aweights=weights))[1][:, -1])
 
 
-def _axis_error(ours: Mesh, his: Mesh) -> float:
+def axis_between(ours: Mesh, his: Mesh) -> float:
+    """The angle (deg) between the shafts of two long bones."""
     between = float(np.linalg.norm(np.cross(shaft_axis(ours), shaft_axis(his))))
     return float(np.rad2deg(np.arcsin(min(1.0, between))))
 
