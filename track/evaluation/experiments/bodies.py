@@ -185,10 +185,11 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
     """A table and a picture for each limb."""
     parts = [_limb(n, {c: r for c, r in results.items() if case_parts(c)[0] == n}, images) for n in LIMBS]
     return f"""People by MakeHuman's shape targets, not by our handles, moved by MakeHuman's own default rig (its
-joints, its weights, dual quaternions, then subdivision), {_SECONDS:g} s at {FPS:g} frames a second before two Carmine sensors,
-one seed of noise. Calibration, first poses, adaptation to six poses and tracking are automatic. There are no bones to
-compare with: the truth is where the rig's joints are, and the skin. Our template's skin was made of the same base mesh
-by the same targets at their middle, so the bodies are strange to its proportions and its way of moving, not to its style.
+joints, its weights, dual quaternions, then subdivision), {_SECONDS:g} s at {FPS:g} frames a second before two Carmine
+sensors, one seed of noise. Calibration, first poses, adaptation to six poses and tracking are automatic. There are no
+bones to compare with: the truth is where the rig's joints are, and the skin. Our template's skin was made of the same
+base mesh by the same targets at their middle: the bodies are strange to its proportions and its way of moving, not to
+its style.
 
 Joint centres: the rig's joints are not where ours are even in the body that our template was made of
 ({"; ".join(_own(name) for name in LIMBS)}). That difference, in the axes of the segment and scaled with stature, is

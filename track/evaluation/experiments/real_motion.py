@@ -257,14 +257,15 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
     """A table and a picture for each limb."""
     parts = [_limb(n, {c: r for c, r in results.items() if c.split()[0] == n}, images) for n in real_person.LIMBS]
     return f"""The same man (n = 1), made movable by his own bones: turns about lines through landmarks of his bones
-(head centres, epicondyles, ends of radius and ulna, malleoli), bones that move as rigid bodies, and skin that follows them by
-weights found on his own skin (heat from the nearest bone), blended by dual quaternions; the forearm's skin turns with
-the radius in proportion to the way from elbow to wrist. His knee is a hinge, and nothing slides or bulges. Nothing of
-it is our model's. He moves for {_SECONDS:g} s at {FPS:g} frames a second before two Carmine sensors; calibration, first
-poses, adaptation to six poses and tracking are automatic. What was said of the depth of his bones holds here: "without depth"
-leaves out forward and backward, in the axes of the bone that carries the joint. Aims as above, **bold** where the mean
-over frames misses them. Angles are compared with the turns that he was given, whose zeros are other ones than ours: the
-constant difference is apart. Mean ± SD (maximum) over frames.
+(head centres, epicondyles, ends of radius and ulna, malleoli), bones that move as rigid bodies, and skin that follows
+them by weights found on his own skin (heat from the nearest bone), blended by dual quaternions; the forearm's skin
+turns with the radius in proportion to the way from elbow to wrist. His knee is a hinge, shoulder blade and pelvis do
+not move by themselves, and nothing slides or bulges. Nothing of it is our model's. He moves for {_SECONDS:g} s at
+{FPS:g} frames a second before two Carmine sensors; calibration, first poses, adaptation to six poses and tracking are
+automatic. What was said of the depth of his bones holds here: "without depth" leaves out forward and backward, in the
+axes of the bone that carries the joint. Aims as above, **bold** where the mean over frames misses them. Angles are
+compared with the turns that he was given, whose zeros are other ones than ours: the constant difference is apart.
+Mean ± SD (maximum) over frames.
 
 {"".join(parts).strip()}
 """
