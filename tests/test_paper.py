@@ -58,7 +58,7 @@ def test_the_page_is_written_from_what_was_run_and_says_what_was_not(tmp_path: P
     text = page_text([experiment], found, tmp_path / "images")
     assert runs == ["seed 1"]
     assert "1 of 2 cases have been run" in text
-    assert "- Counting: 1 cases are too many" in text
+    assert "- Counting\n    - 1 cases are too many\n" in text
     assert "| counting | 2 | 1 |" in text
 
 

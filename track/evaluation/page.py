@@ -70,7 +70,7 @@ def _losses(shown: Sequence[Experiment], found: Mapping[str, Mapping[str, Case]]
     lines = []
     for experiment in shown:
         losses = experiment.losses({case: done.result for case, done in found[experiment.name].items()})
-        lines += [f"- {experiment.title}: {loss}" for loss in losses]
+        lines += [f"- {experiment.title}", *(f"    - {loss}" for loss in losses)] if losses else []
     text = "\n".join(lines) or "Nowhere that these experiments look for it."
     return f"## Where we lose\n\nMissed aims and lost comparisons, by the numbers of the sections below.\n\n{text}\n"
 
