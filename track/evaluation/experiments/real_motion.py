@@ -27,6 +27,7 @@ from track.evaluation.experiments.real_person import (
     AIM_DEPTH_FREE_MM,
     AIM_LENGTH_PERCENT,
     CREDIT,
+    Posed,
     RealLimb,
     axis_between,
     in_world,
@@ -181,6 +182,7 @@ def run(case: str, folder: Path, *, data: Path) -> Result:
         "lengths_mm": {s: [c["lengths_mm"][s] for c in compared] for s in compared[0]["lengths_mm"]},
         "axes_deg": {bone: [c["axes_deg"][bone] for c in compared] for bone in limb.bones},
         "bones_m": {bone: _bone_lengths(subject, him, bone) for bone in limb.bones},
+        "depths_mm": {joint: [c["depths_mm"][joint] for c in compared] for joint in limb.centres},
         "angles": _angles(name, motion),
         "skin_mm": _skins(skins, him, subject, motion, world),
         "picture": str(folder / "bones.png"),
@@ -207,7 +209,7 @@ def _compared(
 ) -> Result:
     """One frame: offsets of centres in the axes of the bone that carries them (forward, up, right at his rest)."""
     limb, how = real_person.LIMBS[name], MOVABLE[name]
-    true, ours = _moved(name, him, motions, him.skin.vertices), posed(subject.body, theta, limb, world)
+    true, ours = _moved(name, him, motions, him.posed_skin(motions)), posed(subject.body, theta, limb, world)
     offsets = {
         joint: (1e3 * motions[how.centres[joint]][:3, :3].T @ (ours.centres[joint] - true.centres[joint])).tolist()
         for joint in limb.centres
@@ -220,7 +222,13 @@ def _compared(
             for a, b in pairwise(joints)
         },
         "axes_deg": {bone: axis_between(ours.bones[bone], true.bones[bone]) for bone in limb.bones},
+        "depths_mm": {joint: [_depth(of, joint) for of in (ours, true)] for joint in joints},
     }
+
+
+def _depth(limb: Posed | RealLimb, joint: str) -> float:
+    """How far (mm) a joint's centre lies from the nearest skin."""
+    return 1e3 * float(distance_to_mesh(limb.centres[joint][None], limb.skin.vertices, limb.skin.faces)[0])
 
 
 def _bone_lengths(subject: Subject, him: Jointed, bone: str) -> list[float]:
@@ -263,9 +271,9 @@ turns with the radius in proportion to the way from elbow to wrist. His knee is 
 not move by themselves, and nothing slides or bulges. Nothing of it is our model's. He moves for {_SECONDS:g} s at
 {FPS:g} frames a second before two Carmine sensors; calibration, first poses, adaptation to six poses and tracking are
 automatic. What was said of the depth of his bones holds here: "without depth" leaves out forward and backward, in the
-axes of the bone that carries the joint. Aims as above, **bold** where the mean over frames misses them. Angles are
-compared with the turns that he was given, whose zeros are other ones than ours: the constant difference is apart.
-Mean ± SD (maximum) over frames.
+axes of the bone that carries the joint. At the shoulder depth is to the side as well, and it is counted. Aims as above,
+**bold** where the mean over frames misses them. Angles are compared with the turns that he was given, whose zeros are
+other ones than ours: the constant difference is apart. Mean ± SD (maximum) over frames.
 
 {"".join(parts).strip()}
 """
@@ -288,6 +296,9 @@ def _limb(name: str, results: Mapping[str, Result], images: Path) -> str:
         rows.append(
             [f"{joint}, constant: forward, up, right (mm)", *(", ".join(f"{v:+.0f}" for v in c) for c in constant)]
         )
+    for joint in real_person.LIMBS[name].centres:
+        depths = [np.mean(result["depths_mm"][joint], axis=0) for result in good.values()]
+        rows.append([f"{joint}, below the nearest skin, ours and his (mm)", *(f"{a:.0f}, {b:.0f}" for a, b in depths)])
     for coordinate, _, _ in MOVABLE[name].angles:
         apart = [
             np.subtract(r["angles"][coordinate]["tracked"], r["angles"][coordinate]["true"]) for r in good.values()
