@@ -167,7 +167,9 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
 for a first pose is not part of this. First every pose is fitted with the first body, then algorithm 4 runs {_OUTER}
 rounds of {_INNER} updates of shape and poses and {_SKIN_UPDATES} of the skin. To be watched, it runs one update at a
 time: all poses share the widest gate, and no round ends early, in which it differs from `bonetrack adapt`; nor is any
-pose left out for fitting worse than the others. Two ways: *{PLAIN}* fits a pose from its guess alone, as the paper does.
+pose left out for fitting worse than the others.
+
+Two ways. *{PLAIN}* fits a pose from its guess alone, as the paper does.
 *{AROUND}* fits it from the guess and from variations of it, each joint turned by a fifth of its range either way, and
 keeps what explains the cloud best, before the first round and again after it; `bonetrack adapt` does so with the poses
 that it carries from one frame to another.
