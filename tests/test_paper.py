@@ -107,7 +107,8 @@ def test_some_cases_are_run_and_those_run_before_are_shown_with_them(
     runs: list[str] = []
     monkeypatch.setattr(paper, "EXPERIMENTS", (counting(runs),))
     for wanted, shown in (("2", ["seed 2"]), ("1", ["seed 1", "seed 2"])):
-        CliRunner().invoke(paper.main, ["--out", str(tmp_path), "--matching", wanted], catch_exceptions=False)
-        said = capsys.readouterr().out
+        asked = ["--out", str(tmp_path), "--matching", wanted]
+        ran = CliRunner().invoke(paper.main, asked, catch_exceptions=False)
+        said = ran.output + capsys.readouterr().out
         assert [case for case in ("seed 1", "seed 2") if case in said] == shown
     assert runs == ["seed 2", "seed 1"]
