@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from capture.errors import AnatomyError
 from tests.toy_anatomy import toy_anatomy
 from track.evaluation import paper
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
@@ -112,3 +113,13 @@ def test_some_cases_are_run_and_those_run_before_are_shown_with_them(
         said = ran.output + capsys.readouterr().out
         assert [case for case in ("seed 1", "seed 2") if case in said] == shown
     assert runs == ["seed 2", "seed 1"]
+
+
+def test_a_case_that_cannot_be_run_is_told_of_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(case: str, folder: Path) -> Result:
+        raise AnatomyError("the skin source is not installed", remedy="install it")
+
+    monkeypatch.setattr(paper, "EXPERIMENTS", (replace(counting([]), run=run),))
+    ran = CliRunner().invoke(paper.main, ["--out", str(tmp_path)])
+    assert ran.exit_code == 1
+    assert "Error: counting: the skin source is not installed; install it" in ran.output

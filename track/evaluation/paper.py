@@ -15,6 +15,7 @@ from pathlib import Path
 import click
 
 from capture.console import stdout
+from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 from track.evaluation.benchmark import hold_to_one_thread
 from track.evaluation.experiments import (
@@ -99,7 +100,10 @@ def main(
     for experiment in (everything := (*EXPERIMENTS, *on_people)):
         chosen = run and (not only or experiment.name in only)
         wanted = [case for case in experiment.cases[:cases] if chosen and matching in case]
-        found[experiment.name] = results_of(experiment, out, wanted)
+        try:
+            found[experiment.name] = results_of(experiment, out, wanted)
+        except BonetrackError as error:
+            raise click.ClickException(f"{experiment.name}: {error}") from error
         if chosen and page is None:
             stdout.print(section(experiment, found[experiment.name], out / "images"), markup=False, highlight=False)
     if page is not None:
