@@ -425,6 +425,17 @@ def test_a_box_that_moves_while_it_is_recorded_is_refused(tmp_path: Path, how: s
         calibrate_recording(recording)
 
 
+@pytest.mark.parametrize("seed", [0, 4, 7])
+def test_a_far_box_is_not_called_moved_for_its_noise(tmp_path: Path, seed: int) -> None:
+    rig = random_rig(seed)
+    near, box = rig.sensors[0], rig.world_from_box[:3, 3]
+    away = near.world_from_sensor[:3, 3] - box
+    far = transform(near.world_from_sensor[:3, :3], box + 2.4 * away / np.linalg.norm(away))
+    rig = replace(rig, sensors=(replace(near, world_from_sensor=far),))
+    calibration = calibrate_recording(with_moved_box(tmp_path / "rec", rig, {near.name: [np.eye(4)] * 5}))
+    assert calibration.sensors[near.name].residual_mm < 4.0
+
+
 def test_a_box_moved_between_the_sensors_images_is_refused(tmp_path: Path) -> None:
     rig = random_rig(2)
     moves = {"sensor1": [np.eye(4)], "sensor2": [pushed(0.04)]}
