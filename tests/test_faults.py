@@ -47,6 +47,25 @@ def test_salt_is_anywhere(scene, tmp_path):
     assert np.mean(before != after) == pytest.approx(0.1, abs=0.005)
 
 
+def test_sensors_that_disturb_each_other_leave_holes_and_wrong_rims(scene, tmp_path):
+    disturbed = FAULTS["sensors disturb each other"](scene, tmp_path)
+    clean = scene.known.recording.sensors[0]
+    before, after = (cv2.imread(str(s.frames[0].path), cv2.IMREAD_UNCHANGED) for s in (clean, disturbed.sensors[0]))
+    seen = before > 0
+    assert 0.1 < np.mean(after[seen] == 0) < 0.3
+    assert 0.02 < np.mean((after != before)[seen & (after > 0)]) < 0.12
+    assert not after[~seen].any()
+
+
+def test_depths_that_are_all_too_large_move_the_sensors_away(scene, tmp_path):
+    larger = FAULTS["all depths 1 percent too large"](scene, tmp_path)
+    far, before = (
+        np.array([np.linalg.norm(s.world_from_sensor[:3, 3]) for s in one.calibration.sensors.values()])
+        for one in (larger, scene.known.recording)
+    )
+    assert far / before == pytest.approx(1.01, abs=0.002)
+
+
 def test_somebody_is_of_a_persons_size():
     vertices, faces = person()
     assert faces.min() == 0

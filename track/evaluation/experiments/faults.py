@@ -11,15 +11,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from adapt.anatomy import Floats, load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import pose_skin
 from adapt.subject import Subject, load_subject, save_subject
+from capture.calibration.calibrate import calibrate_recording
 from capture.errors import BonetrackError
 from capture.recording import FrameFile, Recording, open_recording
-from capture.recording.depth_png import read_readings, write_readings
+from capture.recording.depth_png import Readings, read_readings, write_readings
 from capture.rigid import apply
 from capture.simulation.simulate import Ints, RigSensor, SensorRig, box_mesh, default_rig, simulate_recording
 from track.evaluation.errors import Evaluation, evaluate_motion
@@ -34,6 +36,8 @@ _SEED = 7
 _HIDDEN_S = (0.75, 2.75)
 _SLIDE_S = 0.3  # in which the screens come and go
 _SALT = 0.1
+_BLOTCH_PX, _HOLES, _RIMS, _RIM_ERROR = 12, 0.2, 0.05, 0.02  # size; shares of all pixels; share of the depth
+_SCALE = 1.01
 _WRONG_DEG = 5.0
 
 
@@ -130,18 +134,49 @@ def _clock_off(seconds: float) -> Callable[[Scene, Path], Recording]:
     return fault
 
 
-def _salted(scene: Scene, folder: Path) -> Recording:
-    rng, frames = np.random.default_rng(_SEED), {}
-    for sensor in scene.known.recording.sensors:
-        home = folder / sensor.name
-        home.mkdir(exist_ok=True)
-        frames[sensor.name] = [replace(frame, path=home / frame.path.name) for frame in sensor.frames]
-        for clean, salted in zip(sensor.frames, frames[sensor.name], strict=True):
-            readings = read_readings(clean.path, width=sensor.camera.width, height=sensor.camera.height)
-            grains = rng.random(readings.shape) < _SALT
-            any_depth = rng.integers(500, 4000, readings.shape, dtype=np.uint16)
-            write_readings(salted.path, np.where(grains, any_depth, readings))
-    return scene.with_frames(frames)
+def _changed(change: Callable[[Readings, np.random.Generator], Readings]) -> Callable[[Scene, Path], Recording]:
+    """Every image of every sensor is changed at random."""
+
+    def fault(scene: Scene, folder: Path) -> Recording:
+        rng, frames = np.random.default_rng(_SEED), {}
+        for sensor in scene.known.recording.sensors:
+            home = folder / sensor.name
+            home.mkdir(exist_ok=True)
+            frames[sensor.name] = [replace(frame, path=home / frame.path.name) for frame in sensor.frames]
+            for clean, changed in zip(sensor.frames, frames[sensor.name], strict=True):
+                readings = read_readings(clean.path, width=sensor.camera.width, height=sensor.camera.height)
+                write_readings(changed.path, change(readings, rng))
+        return scene.with_frames(frames)
+
+    return fault
+
+
+def _salted(readings: Readings, rng: np.random.Generator) -> Readings:
+    """Some pixels read any depth."""
+    any_depth = rng.integers(500, 4000, readings.shape, dtype=np.uint16)
+    return np.where(rng.random(readings.shape) < _SALT, any_depth, readings)
+
+
+def _disturbed(readings: Readings, rng: np.random.Generator) -> Readings:
+    """Holes, and rims of wrong depth around them, where another projector's dots fall among one's own.
+
+    How large and how many they are is an assumption: blotches of a dozen pixels, elsewhere in every image.
+    """
+    height, width = readings.shape
+    rough = rng.standard_normal((height // _BLOTCH_PX, width // _BLOTCH_PX)).astype(np.float32)
+    field = cv2.resize(rough, (width, height), interpolation=cv2.INTER_CUBIC)
+    hole, rim = np.quantile(field, [_HOLES, _HOLES + _RIMS])
+    wrong = readings * (1.0 + _RIM_ERROR * rng.standard_normal(readings.shape))
+    kept = np.where((field < rim) & (readings > 0), np.clip(wrong, 0, 65535), readings)
+    return np.where(field < hole, 0, kept).astype(np.uint16)
+
+
+def _scaled(scene: Scene, folder: Path) -> Recording:
+    """All depths are wrong by one factor, those of the box, too."""
+    clean = scene.known.recording
+    sensors = tuple(replace(sensor, depth_unit_m=_SCALE * sensor.depth_unit_m) for sensor in clean.sensors)
+    recording = replace(clean, sensors=sensors)
+    return replace(recording, calibration=calibrate_recording(recording))
 
 
 def _hidden(scene: Scene, folder: Path) -> Recording:
@@ -236,7 +271,9 @@ FAULTS: dict[str, Callable[[Scene, Path], Recording]] = {
     "clocks 10 ms apart": _clock_off(0.010),
     "clocks 20 ms apart": _clock_off(0.020),
     "clocks 50 ms apart": _clock_off(0.050),
-    "10 percent salt in the depth": _salted,
+    "10 percent salt in the depth": _changed(_salted),
+    "sensors disturb each other": _changed(_disturbed),
+    "all depths 1 percent too large": _scaled,
     "somebody passes behind": _another_person,
 }
 
@@ -280,7 +317,9 @@ frames in which the motion claims to know the joint; *wrong* are those among the
 
 Dropped frames are dropped of each sensor by itself, so that some instants have one sensor only. Hidden: a screen slides
 before the limb, one for each sensor. Salt: a tenth of all pixels read any depth from 0.5 to 4 m. Clocks apart: the
-second sensor sees the limb so much later than its time says. Somebody, made of ellipsoids, walks past 15 cm behind.
+second sensor sees the limb so much later than its time says. Sensors that disturb each other leave holes in a fifth of
+each image, blotches elsewhere every time, and depths wrong by 2 % around them. Depths too large: of the box, too, by
+which the sensors are calibrated again. Somebody, made of ellipsoids, walks past 15 cm behind.
 
 {tables}
 """
