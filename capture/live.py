@@ -82,7 +82,9 @@ def record(
         ["sensor"] if len(devices) == 1 else [f"sensor-{i + 1}" for i in range(len(devices))]
     )
     if len(set(names)) != len(devices):
-        raise RecordingError(f"{len(devices)} cameras need as many different names", where=out)
+        raise RecordingError(
+            f"{len(devices)} cameras need as many different names", where=out, remedy="give --sensor once for each"
+        )
     profiles = [_depth_profile(rs, device, out) for device in devices]
     cameras = [
         _Camera(_described(rs, device, profile, name, out), device.first_depth_sensor(), rs.frame_queue(WAITING_FRAMES))
@@ -103,7 +105,9 @@ def record(
             if not any(camera.written for camera in cameras):
                 raise
         except RuntimeError as error:
-            raise RecordingError(f"a camera failed ({' '.join(str(error).split())})", where=out) from error
+            raise RecordingError(
+                f"a camera failed ({' '.join(str(error).split())})", where=out, remedy="connect it again"
+            ) from error
         finally:
             for camera in started:
                 camera.device.stop()
@@ -165,7 +169,7 @@ def _depth_profile(rs: Any, device: Any, out: Path) -> Any:
         if profile.stream_type() == rs.stream.depth and profile.format() == rs.format.z16
     ]
     if not profiles:
-        raise RecordingError("a camera has no 16-bit depth", where=out)
+        raise RecordingError("a camera has no 16-bit depth", where=out, remedy="disconnect it")
     return next((profile for profile in profiles if profile.is_default()), profiles[0])
 
 

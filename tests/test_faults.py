@@ -11,6 +11,7 @@ import pytest
 from capture.errors import RecordingError
 from capture.recording import instants
 from tests.known_limb import FRAMES
+from track.evaluation.experiments import faults
 from track.evaluation.experiments.faults import EXPERIMENT, FAULTS, LIMBS, Scene, person
 from track.evaluation.known import KnownRecording
 from track.evaluation.performance import Performance
@@ -38,6 +39,15 @@ def test_a_sensor_that_dies_leaves_the_other_one(scene, tmp_path):
 def test_swapped_frames_are_refused(scene, tmp_path):
     with pytest.raises(RecordingError, match=r"frames\.csv: line \d+: time .* does not come after"):
         FAULTS["two frames swapped"](scene, tmp_path)
+
+
+def test_images_swapped_unnoticed_keep_the_times(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(faults, "_SWAPPED", 3)
+    swapped, clean = FAULTS["two images swapped unnoticed"](scene, tmp_path), scene.known.recording
+    for before, after in zip(clean.sensors, swapped.sensors, strict=True):
+        assert [frame.time_s for frame in before.frames] == [frame.time_s for frame in after.frames]
+    changed = [a.path != b.path for a, b in zip(clean.sensors[0].frames, swapped.sensors[0].frames, strict=True)]
+    assert np.flatnonzero(changed).tolist() == [FRAMES // 2, FRAMES // 2 + 3]
 
 
 def test_salt_is_anywhere(scene, tmp_path):

@@ -65,7 +65,9 @@ def open_mkv(path: Path, stated: Stated) -> Source:
             raise no_depth(path, f"its tracks are {titles}" if titles else "it has no tracks")
         width, height = int(depth.width), int(depth.height)
         if depth.codec_context.format is None or depth.codec_context.format.name != "gray16be":
-            raise RecordingError("has a depth track that is not 16-bit grey (b16g)", where=path)
+            raise RecordingError(
+                "has a depth track that is not 16-bit grey (b16g)", where=path, remedy="record it with k4arecorder"
+            )
         check_size(width, height, where=path)
         calibration = _calibration(container, path)
         own = None if calibration is None else _depth_camera(calibration, width, height)
@@ -173,7 +175,7 @@ def _parsed(data: bytes, path: Path) -> Checked:
             f"has a calibration that is not valid JSON ({error})", where=path, remedy="state the camera with --fx"
         ) from error
     if not isinstance(value, dict):
-        raise RecordingError("has a calibration that is not a JSON object", where=path)
+        raise RecordingError("has a calibration that is not a JSON object", where=path, remedy="record it again")
     return Checked(value, path).object("CalibrationInformation")
 
 

@@ -58,7 +58,11 @@ def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, met
     for index, file in enumerate(files):
         points = read_points(file)
         if points.size != size:
-            raise RecordingError(f"is organised as {points.size}, the first cloud as {size}", where=file)
+            raise RecordingError(
+                f"is organised as {points.size}, the first cloud as {size}",
+                where=file,
+                remedy="import clouds of different sizes into recordings of their own",
+            )
         depth = _depth(points, camera, metre)
         if not depth.any():
             raise RecordingError(

@@ -86,7 +86,9 @@ def _source(
     width, height = depth_png.image_size(depth[0][0])
     if own is not None and (own.width, own.height) != (width, height):
         raise RecordingError(
-            f"has depth of {width} x {height} px, but its camera has {own.width} x {own.height}", where=folder
+            f"has depth of {width} x {height} px, but its camera has {own.width} x {own.height}",
+            where=folder,
+            remedy="state the camera of these images with --fx",
         )
     camera = stated.camera(width, height, own=own, where=folder)
     beside = Colour(camera, np.eye(4)) if colour else None  # both layouts lay depth over colour
@@ -115,7 +117,9 @@ def _listed(folder: Path, name: str) -> Timed:
     try:
         text = _read(folder / name, _LARGEST_TEXT).decode("utf-8")
     except UnicodeDecodeError as error:
-        raise RecordingError("is not a list of images (it is not text)", where=folder / name) from error
+        raise RecordingError(
+            "is not a list of images (it is not text)", where=folder / name, remedy="each line must be 'time file'"
+        ) from error
     listed = [_line(folder, name, number, line) for number, line in _lines(text)]
     if not listed:
         raise RecordingError("lists no images", where=folder / name, remedy="each line must be 'time file'")
@@ -136,9 +140,17 @@ def _line(folder: Path, name: str, number: int, line: str) -> tuple[Path, float]
         time_s, relative = math.nan, PurePosixPath()
     inside = not relative.is_absolute() and ".." not in relative.parts and "\0" not in line
     if len(parts) != 2 or not math.isfinite(time_s) or not inside:
-        raise RecordingError(f"line {number}: expected a time (s) and a file in this folder", where=folder / name)
+        raise RecordingError(
+            f"line {number}: expected a time (s) and a file in this folder",
+            where=folder / name,
+            remedy="write 'time file'",
+        )
     if not (folder / relative).is_file():
-        raise RecordingError(f"line {number}: image {relative} is missing", where=folder / name)
+        raise RecordingError(
+            f"line {number}: image {relative} is missing",
+            where=folder / name,
+            remedy="copy it there, or take the line out",
+        )
     return folder / relative, time_s
 
 
@@ -150,7 +162,9 @@ def _read(file: Path, largest: int) -> bytes:
         problem = f"cannot be read ({error.strerror})"
         raise RecordingError(problem, where=file, remedy="check the file and its permissions") from error
     if len(data) > largest:
-        raise RecordingError(f"is larger than {largest} bytes", where=file)
+        raise RecordingError(
+            f"is larger than {largest} bytes", where=file, remedy="name a folder that holds what its layout says"
+        )
     return data
 
 

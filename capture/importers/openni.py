@@ -113,7 +113,11 @@ def open_oni(path: Path, stated: Stated) -> Source:
             "has raw disparities in place of depth", where=path, remedy="record with a depth format in mm or 0.1 mm"
         )
     if depth.codec not in _DEPTH_CODECS:
-        raise RecordingError(f"has depth in a codec that is not known ({depth.codec!r})", where=path)
+        raise RecordingError(
+            f"has depth in a codec that is not known ({depth.codec!r})",
+            where=path,
+            remedy="record it as 16z or without compression",
+        )
     sensor = Sensor("sensor", camera, stated.unit(unit), DEPTH_RANGE_M, colour=beside)
     return Source(sensor, _frames(path, number, None if beside is None else colour_number), times="the file")
 

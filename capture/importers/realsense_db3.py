@@ -100,7 +100,11 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
             database.execute("PRAGMA trusted_schema = OFF")
             kinds = dict(database.execute("SELECT name, type FROM sqlite_master"))
             if any(kinds.get(name) != "table" for name in ("topics", "messages")):
-                raise RecordingError("is not a RealSense recording (it has no table of messages)", where=path)
+                raise RecordingError(
+                    "is not a RealSense recording (it has no table of messages)",
+                    where=path,
+                    remedy="record or copy it again",
+                )
             yield database
         finally:
             database.close()

@@ -59,14 +59,22 @@ def import_recording(
     listed = [paths] if isinstance(paths, Path) else list(paths)
     names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
     if len(set(names)) != len(listed):
-        raise RecordingError(f"{len(listed)} sensors need as many different names, not {', '.join(names)}", where=out)
+        raise RecordingError(
+            f"{len(listed)} sensors need as many different names, not {', '.join(names)}",
+            where=out,
+            remedy="give --sensor once for each",
+        )
 
     def opened(path: Path) -> Source:
         return open_source(path, stated or Stated(), name=format_name)
 
     shown = box.paths if box is not None and box.paths else ()
     if shown and len(shown) != len(listed):
-        raise RecordingError(f"{len(listed)} sensors need as many files of the box, not {len(shown)}", where=out)
+        raise RecordingError(
+            f"{len(listed)} sensors need as many files of the box, not {len(shown)}",
+            where=out,
+            remedy="give --box-source once for each",
+        )
     parts = Parts(box.seconds if box is not None else None, seconds)
     sources = [opened(path) for path in listed]
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]

@@ -122,7 +122,11 @@ def check_size(width: int, height: int, *, where: Path) -> None:
         RecordingError: it is impossible.
     """
     if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE and width * height <= LARGEST_PIXELS):
-        raise RecordingError(f"claims an impossible size of {width} x {height} px", where=where)
+        raise RecordingError(
+            f"claims an impossible size of {width} x {height} px",
+            where=where,
+            remedy="check --width and --height, or copy the file again",
+        )
 
 
 def optional_module(name: str, *, extra: str, where: Path) -> ModuleType:

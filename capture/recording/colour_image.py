@@ -31,10 +31,16 @@ def encoded(image: NDArray[np.uint8] | bytes, *, where: Path) -> tuple[str, byte
         size(image, where=where)
         return (".png" if image.startswith(_PNG) else ".jpg"), image
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
-        raise RecordingError(f"expected (H, W, 3) bytes of colour, got {image.dtype} {image.shape}", where=where)
+        raise RecordingError(
+            f"expected (H, W, 3) bytes of colour, got {image.dtype} {image.shape}",
+            where=where,
+            remedy="give blue, green and red of 8 bits",
+        )
     done, data = cv2.imencode(".png", image)
     if not done:
-        raise RecordingError("a colour image could not be encoded as PNG", where=where)
+        raise RecordingError(
+            "a colour image could not be encoded as PNG", where=where, remedy="give blue, green and red of 8 bits"
+        )
     return ".png", data.tobytes()
 
 
@@ -46,10 +52,16 @@ def size(data: bytes, *, where: Path) -> tuple[int, int]:
     """
     claimed = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data) if data.startswith(_JPEG) else None
     if claimed is None:
-        raise RecordingError("holds a colour image that is no whole JPEG or PNG", where=where)
+        raise RecordingError(
+            "holds a colour image that is no whole JPEG or PNG", where=where, remedy="record or copy it again"
+        )
     width, height = claimed
     if not (width > 0 and height > 0 and width * height <= LARGEST_PIXELS):
-        raise RecordingError(f"holds a colour image of an impossible size, {width} x {height} px", where=where)
+        raise RecordingError(
+            f"holds a colour image of an impossible size, {width} x {height} px",
+            where=where,
+            remedy="record or copy it again",
+        )
     return width, height
 
 

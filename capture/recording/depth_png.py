@@ -79,7 +79,7 @@ def write_readings(path: Path, readings: Readings) -> None:
     """Write readings (H, W) uint16 as a PNG that never stands half-written under its name."""
     done, encoded = cv2.imencode(".png", readings)
     if not done:
-        raise RecordingError("could not be encoded as PNG", where=path)
+        raise RecordingError("could not be encoded as PNG", where=path, remedy="give 16-bit readings")
     with replaced_when_complete(path) as partial:
         partial.write_bytes(encoded.tobytes())
 

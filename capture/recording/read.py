@@ -142,7 +142,11 @@ def _sensor(entry: Checked, folder: Path) -> Sensor:
         raise entry.fail(f"sensor {name!r}: depth_range_m must be [near, far] with 0 <= near < far")
     home = folder / name
     if not (home / FRAMES_FILE).is_file():
-        raise RecordingError(f"sensor {name!r} has no list of frames", where=home / FRAMES_FILE)
+        raise RecordingError(
+            f"sensor {name!r} has no list of frames",
+            where=home / FRAMES_FILE,
+            remedy="list its depth images there, or take the sensor out of recording.json",
+        )
     box_list = home / BOX_FRAMES_FILE
     return Sensor(
         name=name,
@@ -198,7 +202,11 @@ def _frames(list_file: Path) -> tuple[FrameFile, ...]:
         with list_file.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
     except (OSError, ValueError, csv.Error) as error:
-        raise RecordingError(f"cannot be read as a list of frames ({error})", where=list_file) from error
+        raise RecordingError(
+            f"cannot be read as a list of frames ({error})",
+            where=list_file,
+            remedy="check the file and its permissions",
+        ) from error
     if not rows or [cell.strip() for cell in rows[0]] != ["file", "time_s"]:
         raise RecordingError("the first line must be 'file,time_s'", where=list_file, remedy="write it so")
     frames: list[FrameFile] = []
@@ -208,7 +216,9 @@ def _frames(list_file: Path) -> tuple[FrameFile, ...]:
         frame = _frame(row, list_file, line)
         if frames and not frame.time_s > frames[-1].time_s:
             raise RecordingError(
-                f"line {line}: time {frame.time_s:g} s does not come after {frames[-1].time_s:g} s", where=list_file
+                f"line {line}: time {frame.time_s:g} s does not come after {frames[-1].time_s:g} s",
+                where=list_file,
+                remedy="list the images in the order in which they were taken, with their true times",
             )
         frames.append(frame)
     return tuple(frames)
@@ -216,7 +226,9 @@ def _frames(list_file: Path) -> tuple[FrameFile, ...]:
 
 def _frame(row: list[str], list_file: Path, line: int) -> FrameFile:
     if len(row) != 2:
-        raise RecordingError(f"line {line}: expected 'file,time_s', got {','.join(row)!r}", where=list_file)
+        raise RecordingError(
+            f"line {line}: expected 'file,time_s', got {','.join(row)!r}", where=list_file, remedy="write it so"
+        )
     name = row[0].strip()
     relative = PurePosixPath(name)
     if not name or relative.is_absolute() or ".." in relative.parts or "\\" in name or ":" in name or "\0" in name:
@@ -228,7 +240,11 @@ def _frame(row: list[str], list_file: Path, line: int) -> FrameFile:
     except ValueError:
         time_s = math.nan
     if not math.isfinite(time_s):
-        raise RecordingError(f"line {line}: time {row[1]!r} is not a finite number of seconds", where=list_file)
+        raise RecordingError(
+            f"line {line}: time {row[1]!r} is not a finite number of seconds",
+            where=list_file,
+            remedy="write it in digits",
+        )
     path = list_file.parent / relative
     if not path.is_file():
         raise RecordingError(f"line {line}: depth image {name!r} is missing", where=list_file, remedy="copy it there")

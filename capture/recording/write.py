@@ -138,7 +138,9 @@ class RecordingWriter:
         index, last = self._last_times.get((name, list_name), (0, -math.inf))
         if not (math.isfinite(time_s) and time_s > last):
             raise RecordingError(
-                f"frame {index}: time {time_s:g} s does not come after {last:g} s", where=self.path / name / list_name
+                f"frame {index}: time {time_s:g} s does not come after {last:g} s",
+                where=self.path / name / list_name,
+                remedy="add frames in the order of time",
             )
         return index
 
@@ -189,11 +191,16 @@ def _readings(depth: NDArray[np.generic], sensor: Sensor, *, where: Path, index:
         raise RecordingError(
             f"frame {index}: expected an image of {camera.height} x {camera.width} values, got {depth.shape}",
             where=where,
+            remedy="give images of the camera's size",
         )
     if depth.dtype == np.uint16:
         return np.ascontiguousarray(depth, dtype=np.uint16)
     if not np.issubdtype(depth.dtype, np.floating):
-        raise RecordingError(f"frame {index}: expected uint16 or floating point, got {depth.dtype}", where=where)
+        raise RecordingError(
+            f"frame {index}: expected uint16 or floating point, got {depth.dtype}",
+            where=where,
+            remedy="give readings, or metres",
+        )
     scaled = np.rint(depth.astype(np.float64) / sensor.depth_unit_m)
     return np.where((scaled > 0.0) & (scaled <= _LARGEST_READING), scaled, 0.0).astype(np.uint16)
 

@@ -38,6 +38,7 @@ _SLIDE_S = 0.3  # in which the screens come and go
 _SALT = 0.1
 _BLOTCH_PX, _HOLES, _RIMS, _RIM_ERROR = 12, 0.2, 0.05, 0.02  # size; shares of all pixels; share of the depth
 _SCALE = 1.01
+_SWAPPED = 6  # frames apart
 _WRONG_DEG = 5.0
 
 
@@ -118,6 +119,15 @@ def _swapped(scene: Scene, folder: Path) -> Recording:
     lines[middle], lines[middle + 1] = lines[middle + 1], lines[middle]
     listed.write_text("\n".join(lines), encoding="utf-8")
     return open_recording(copy)
+
+
+def _images_swapped(scene: Scene, folder: Path) -> Recording:
+    """Two images of one sensor under each other's times, a fifth of a second apart."""
+    one, *_ = scene.known.recording.sensors
+    frames, middle = list(one.frames), len(one.frames) // 2
+    a, b = frames[middle], frames[middle + _SWAPPED]
+    frames[middle], frames[middle + _SWAPPED] = replace(a, path=b.path), replace(b, path=a.path)
+    return scene.with_frames({one.name: frames})
 
 
 def _clock_off(seconds: float) -> Callable[[Scene, Path], Recording]:
@@ -268,6 +278,7 @@ FAULTS: dict[str, Callable[[Scene, Path], Recording]] = {
     "one sensor dies half-way": _sensor_dies,
     "hidden for 2 s": _hidden,
     "two frames swapped": _swapped,
+    "two images swapped unnoticed": _images_swapped,
     "clocks 10 ms apart": _clock_off(0.010),
     "clocks 20 ms apart": _clock_off(0.020),
     "clocks 50 ms apart": _clock_off(0.050),
@@ -315,11 +326,12 @@ sensors, {_SECONDS:g} s at 30 frames a second. The body is adapted to the record
 frames in which the motion claims to know the joint; *wrong* are those among them that err by more than
 {_WRONG_DEG:g} degrees. *Backward* frames were tracked back in time from a later one.
 
-Dropped frames are dropped of each sensor by itself, so that some instants have one sensor only. Hidden: a screen slides
-before the limb, one for each sensor. Salt: a tenth of all pixels read any depth from 0.5 to 4 m. Clocks apart: the
-second sensor sees the limb so much later than its time says. Sensors that disturb each other leave holes in a fifth of
-each image, blotches elsewhere every time, and depths wrong by 2 % around them. Depths too large: of the box, too, by
-which the sensors are calibrated again. Somebody, made of ellipsoids, walks past 15 cm behind.
+Dropped frames are dropped of each sensor by itself, so that some instants have one sensor only. Swapped frames stand in
+the list in the wrong order; images swapped unnoticed, of one sensor, have each other's times, 0.2 s apart. Hidden: a
+screen slides before the limb, one for each sensor. Salt: a tenth of all pixels read any depth from 0.5 to 4 m. Clocks
+apart: the second sensor sees the limb so much later than its time says. Sensors that disturb each other leave holes in
+a fifth of each image, blotches elsewhere every time, and depths wrong by 2 % around them. Depths too large: of the box,
+too, by which the sensors are calibrated again. Somebody, made of ellipsoids, walks past 15 cm behind.
 
 {tables}
 """
