@@ -13,10 +13,11 @@ from click.testing import CliRunner
 from capture.errors import AnatomyError
 from tests.toy_anatomy import toy_anatomy
 from track.evaluation import paper
+from track.evaluation.experiments import table_1
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import carried
 from track.evaluation.page import page_text, section
-from track.evaluation.paper import ON_REAL_ANATOMY, on_real_anatomy, results_of
+from track.evaluation.paper import ON_REAL_ANATOMY, beside_opensim, on_real_anatomy, results_of
 from track.evaluation.results import EvaluationError, run_case
 
 
@@ -123,3 +124,20 @@ def test_a_case_that_cannot_be_run_is_told_of_in_one_line(tmp_path: Path, monkey
     ran = CliRunner().invoke(paper.main, ["--out", str(tmp_path)])
     assert ran.exit_code == 1
     assert "Error: counting: the skin source is not installed; install it" in ran.output
+
+
+def test_the_comparison_with_opensim_is_left_out_with_a_reason_where_it_cannot_be_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert beside_opensim(None) == beside_opensim(tmp_path) == []
+    assert "skipped: table-1-opensim" in capsys.readouterr().out
+
+
+def test_the_page_tells_what_opensim_knows_better() -> None:
+    def case(ours: float, theirs: float) -> Result:
+        errors = {tool: {"angle a": {"mean": mean}} for tool, mean in (("bonetrack", ours), ("OpenSim x", theirs))}
+        return {"errors": errors, "frames": 10, "lost": 0}
+
+    assert table_1.losses(
+        {"arm seed 1": case(1.0, 2.0), "leg seed 1": case(1.0, 0.5), "leg seed 2": case(2.0, 1.0)}
+    ) == ["leg, OpenSim x errs less in angle a (0.75, ours 1.50)"]

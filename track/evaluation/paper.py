@@ -1,7 +1,7 @@
 """The paper's experiments, redone with a truth that its authors could not have.
 
     python -m track.evaluation.paper --out DIR [--only NAME ...] [--matching TEXT] [--anatomy-data DIR]
-        [--page docs/evaluation.md]
+        [--motions DIR] [--page docs/evaluation.md]
 
 A heavy evaluation, not a test. Each case's result is a file DIR/EXPERIMENT/CASE.json; a run that was cut short
 goes on. The page is written from what has been run, and says what has not; ``--no-run`` only writes the page.
@@ -31,6 +31,7 @@ from track.evaluation.experiments import (
     sensitivity,
     skin,
     starts,
+    table_1,
 )
 from track.evaluation.experiments.experiment import Experiment
 from track.evaluation.page import images_of, page_text, section
@@ -53,7 +54,7 @@ ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
     real_motion.NAME: real_motion.experiment,
 }
 """Made of real people's surfaces, which stand in a folder outside the project."""
-NAMES = (*(experiment.name for experiment in EXPERIMENTS), *ON_REAL_ANATOMY)
+NAMES = (*(experiment.name for experiment in EXPERIMENTS), table_1.NAME, *ON_REAL_ANATOMY)
 
 
 def on_real_anatomy(data: Path | None) -> list[Experiment]:
@@ -63,6 +64,15 @@ def on_real_anatomy(data: Path | None) -> list[Experiment]:
         stdout.print(f"skipped: {', '.join(ON_REAL_ANATOMY)} ({why})", markup=False, highlight=False)
         return []
     return [experiment(data) for experiment in ON_REAL_ANATOMY.values()]
+
+
+def beside_opensim(motions: Path | None) -> list[Experiment]:
+    """The comparison with OpenSim; none, and a line that says why, where it cannot be made."""
+    missing = table_1.what_is_missing(motions)
+    if motions is None or missing:
+        stdout.print(f"skipped: {table_1.NAME} ({missing})", markup=False, highlight=False)
+        return []
+    return [table_1.experiment(motions)]
 
 
 def results_of(experiment: Experiment, out: Path, wanted: Sequence[str]) -> dict[str, Case]:
@@ -83,6 +93,7 @@ def results_of(experiment: Experiment, out: Path, wanted: Sequence[str]) -> dict
 )
 @click.option("--run/--no-run", default=True, show_default=True, help="Run what has no result, or only read results.")
 @click.option("--anatomy-data", type=click.Path(path_type=Path, file_okay=False), help="Folder of real anatomy.")
+@click.option("--motions", type=click.Path(path_type=Path, file_okay=False), help="Folder of recorded motions.")
 @click.option("--page", type=click.Path(path_type=Path), help="The Markdown page to write; pictures go beside it.")
 def main(
     out: Path,
@@ -91,14 +102,18 @@ def main(
     matching: str,
     run: bool,
     anatomy_data: Path | None,
+    motions: Path | None,
     page: Path | None,
 ) -> None:
     """Run the experiments and write the page."""
     hold_to_one_thread()
-    on_people = on_real_anatomy(anatomy_data) if run else [make(out) for make in ON_REAL_ANATOMY.values()]
+    can_run = [*EXPERIMENTS, *(beside_opensim(motions) + on_real_anatomy(anatomy_data) if run else [])]
+    names = {experiment.name for experiment in can_run if run and (not only or experiment.name in only)}
+    shown = [make(out) for make in (table_1.experiment, *ON_REAL_ANATOMY.values())]  # needs no data
+    others = [experiment for experiment in shown if experiment.name not in {e.name for e in can_run}]
     found: dict[str, dict[str, Case]] = {}
-    for experiment in (everything := (*EXPERIMENTS, *on_people)):
-        chosen = run and (not only or experiment.name in only)
+    for experiment in (everything := (*can_run, *others)):
+        chosen = experiment.name in names
         wanted = [case for case in experiment.cases[:cases] if chosen and matching in case]
         try:
             found[experiment.name] = results_of(experiment, out, wanted)
