@@ -8,8 +8,9 @@ import pytest
 from adapt.build.meshes import Mesh
 from capture.rigid import apply, exp_so3, transform
 from capture.simulation.simulate import box_mesh
-from track.evaluation.experiments.real_person import Posed, RealLimb, closed, compared, shaft_axis
+from track.evaluation.experiments.real_person import Posed, RealLimb, compared, shaft_axis
 from track.evaluation.experiments.surface_fit import greatest_length
+from track.evaluation.holes import closed
 
 MOVE = transform(exp_so3(np.array([0.3, -0.8, 0.2])), np.array([0.5, 0.1, -0.3]))
 

@@ -27,7 +27,7 @@ from adapt.build.skin import Cut, catmull_clark, height_in
 from adapt.build.sources_makehuman import SourceSkin, data_folder, load_skin
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE
-from track.evaluation.experiments.real_person import closed
+from track.evaluation.holes import closed
 from track.evaluation.skinning import dual_quaternions
 
 _ROUNDS = 2  # of subdivision

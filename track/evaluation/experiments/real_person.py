@@ -17,9 +17,7 @@ from pathlib import Path
 import igl
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.optimize import least_squares
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
@@ -38,6 +36,7 @@ from track.evaluation import known
 from track.evaluation.errors import distance_to_mesh
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.surface_fit import fit_family, greatest_length, read_mesh, rigid
+from track.evaluation.holes import closed
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 NAME, TITLE = "real-person", "A real man's limbs, one pose"
@@ -120,19 +119,6 @@ def read_limb(limb: Limb, data: Path) -> RealLimb:
         {joint: np.mean([points[name] for name in his], axis=0) for joint, (_, his) in limb.centres.items()},
         points,
     )
-
-
-def closed(mesh: Mesh) -> Mesh:
-    """The mesh with every hole filled by a fan about the middle of its edge."""
-    halves = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    _, index, count = np.unique(np.sort(halves, axis=1), axis=0, return_inverse=True, return_counts=True)
-    edge = halves[count[index] == 1]
-    n = len(mesh.vertices)
-    _, label = connected_components(sparse.coo_matrix((np.ones(len(edge)), edge.T), shape=(n, n)), directed=False)
-    holes, hole = np.unique(label[edge[:, 0]], return_inverse=True)
-    middles = [mesh.vertices[np.unique(edge[hole == k])].mean(axis=0) for k in range(len(holes))]
-    fans = np.column_stack([edge[:, ::-1], n + hole])
-    return Mesh(np.concatenate([mesh.vertices, *(m[None] for m in middles)]), np.concatenate([mesh.faces, fans]))
 
 
 def in_world(mesh: Mesh) -> Mesh:
