@@ -8,6 +8,7 @@ import pytest
 from adapt.build.meshes import Mesh
 from capture.rigid import apply, exp_so3, transform
 from capture.simulation.simulate import box_mesh
+from track.evaluation.experiments.real_motion import depths_mm
 from track.evaluation.experiments.real_person import Posed, RealLimb, compared, shaft_axis
 from track.evaluation.experiments.surface_fit import greatest_length
 from track.evaluation.holes import closed
@@ -60,3 +61,9 @@ def _finer(mesh: Mesh) -> Mesh:
 
     vertices, faces = igl.upsample(mesh.vertices, mesh.faces, 3)
     return Mesh(np.asarray(vertices), np.asarray(faces, dtype=np.int64))
+
+
+def test_a_joint_lies_so_deep_below_the_nearest_skin() -> None:
+    skin = Mesh(*box_mesh((0.2, 0.4, 0.3)))
+    limb = RealLimb(skin, {}, {"middle": np.zeros(3), "near": np.array([0.0, 0.17, 0.0])}, {})
+    assert depths_mm(limb) == {"middle": pytest.approx(100.0), "near": pytest.approx(30.0)}

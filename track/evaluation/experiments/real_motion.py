@@ -214,7 +214,7 @@ def _compared(
         joint: (1e3 * motions[how.centres[joint]][:3, :3].T @ (ours.centres[joint] - true.centres[joint])).tolist()
         for joint in limb.centres
     }
-    joints = list(limb.centres)
+    joints, depths = list(limb.centres), [depths_mm(of) for of in (ours, true)]
     return {
         "offsets_mm": offsets,
         "lengths_mm": {
@@ -222,13 +222,15 @@ def _compared(
             for a, b in pairwise(joints)
         },
         "axes_deg": {bone: axis_between(ours.bones[bone], true.bones[bone]) for bone in limb.bones},
-        "depths_mm": {joint: [_depth(of, joint) for of in (ours, true)] for joint in joints},
+        "depths_mm": {joint: [of[joint] for of in depths] for joint in joints},
     }
 
 
-def _depth(limb: Posed | RealLimb, joint: str) -> float:
-    """How far (mm) a joint's centre lies from the nearest skin."""
-    return 1e3 * float(distance_to_mesh(limb.centres[joint][None], limb.skin.vertices, limb.skin.faces)[0])
+def depths_mm(limb: Posed | RealLimb) -> dict[str, float]:
+    """How far (mm) each joint's centre lies from the nearest skin."""
+    centres = np.array(list(limb.centres.values()))
+    distances = 1e3 * distance_to_mesh(centres, limb.skin.vertices, limb.skin.faces)
+    return dict(zip(limb.centres, distances.tolist(), strict=True))
 
 
 def _bone_lengths(subject: Subject, him: Jointed, bone: str) -> list[float]:
