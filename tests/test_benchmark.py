@@ -24,7 +24,7 @@ def spent(stage: str, seconds: float) -> Timing:
 
 
 def results() -> Results:
-    stages = {"read 2 depth images": 0.004, "read and clean 2 depth images": 0.006, "fuse, reading included": 0.012}
+    stages = {"read: 2 depth images": 0.004, "read and clean: 2 depth images": 0.006, "fuse, reading included": 0.012}
     stages |= {"follow: catch up, settle": 0.009, "judge: find_skin": 0.001, "whole frame, one thread": 0.024}
     frame = [spent(stage, seconds) for stage, seconds in stages.items()]
     frame.append(replace(spent("normals", 0.0001), twin=np.full(3, 0.0005)))

@@ -64,7 +64,7 @@ python -m track.evaluation.benchmark --whole --repeat {results.repeat} --page do
 
 on {machine},
 {libraries}; one thread but where it says otherwise. {results.load:.1f} other
-processes wanted a processor when it began. Data: `{results.name}`, two simulated sensors of 640 x 480.
+processes wanted a processor when it began. Data: `{results.name}`.
 
 Each stage ran {results.repeat} times, caches filled; medians are shown. "Plain NumPy" is the same work without compiled
 loops (tests compare the two), timed by the processor. "First version" is
@@ -87,7 +87,7 @@ The target is {readable(FRAME_TARGET_S)}, what sensors of 30 frames a second lea
 
 def _where_it_goes(frame: Sequence[Timing]) -> str:
     """In words, from the stages' names."""
-    whole, read, clean, fuse = (_of(frame, begins) for begins in ("whole", "read 2 depth", "read and clean", "fuse"))
+    whole, read, clean, fuse = (_of(frame, begins) for begins in ("whole", "read:", "read and clean", "fuse"))
     judging = sum(timing.median_s for timing in frame if timing.stage.startswith("judge"))
     shares = {
         "reading the images, which are compressed": read,

@@ -110,8 +110,8 @@ def frame_timings(bench: Bench) -> list[Timing]:
     corner = (body.anatomy.skin_faces, incidence(body.anatomy.skin_faces, len(skin))[sample.vertices])
     views, whole_skin, few = len(bench.moment.frames), len(skin), len(chosen)
     return [
-        bench.time(f"read {views} depth images", lambda: read(bench.recording, bench.moment)),
-        bench.time(f"read and clean {views} depth images", lambda: read_and_clean(bench.recording, bench.moment)),
+        bench.time(f"read: {views} depth images", lambda: read(bench.recording, bench.moment)),
+        bench.time(f"read and clean: {views} depth images", lambda: read_and_clean(bench.recording, bench.moment)),
         bench.time(
             f"patches at {len(pixels)} pixels of one image",
             lambda: fit_patches(view.depth, pixels, radius_px=radius, focal_px=focal),
