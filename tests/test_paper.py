@@ -135,9 +135,11 @@ def test_the_comparison_with_opensim_is_left_out_with_a_reason_where_it_cannot_b
 
 def test_the_page_tells_what_opensim_knows_better() -> None:
     def case(ours: float, theirs: float) -> Result:
-        errors = {tool: {"angle a": {"mean": mean}} for tool, mean in (("bonetrack", ours), ("OpenSim x", theirs))}
+        errors = {
+            tool: {"angle a": {"mean": mean}} for tool, mean in (("bonetrack", ours), ("OpenSim x 1e-05", theirs))
+        }
         return {"errors": errors, "frames": 10, "lost": 0}
 
     assert table_1.losses(
         {"arm seed 1": case(1.0, 2.0), "leg seed 1": case(1.0, 0.5), "leg seed 2": case(2.0, 1.0)}
-    ) == ["leg, OpenSim x errs less in angle a (0.75, ours 1.50)"]
+    ) == ["leg, OpenSim x 1e-05 errs less in angle a (0.75, ours 1.50)"]

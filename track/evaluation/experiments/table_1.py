@@ -11,7 +11,7 @@ import numpy as np
 
 from adapt.anatomy import load_anatomy
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table
-from track.evaluation.opensim_ik import OURS, compare_subject, comparison_rows, motion_rows
+from track.evaluation.opensim_ik import ACCURACIES, OURS, compare_subject, comparison_rows, motion_rows
 
 NAME, TITLE = "table-1-opensim", "Table 1: beside OpenSim's inverse kinematics"
 LIMBS = {"arm": "upper-limb-right", "leg": "lower-limb-right"}
@@ -61,11 +61,11 @@ def _limb(name: str, results: list[Result]) -> str:
 
 
 def losses(results: Mapping[str, Result]) -> list[str]:
-    """The angles and joint centres that OpenSim knows better in the mean, laboratory by laboratory."""
+    """The angles and joint centres that OpenSim, at its default accuracy, knows better in the mean."""
     lines = []
     for limb in LIMBS:
         of_limb = [result for case, result in results.items() if case.split()[0] == limb]
-        tools = [tool for tool in of_limb[0]["errors"] if tool != OURS] if of_limb else []
+        tools = [tool for tool in of_limb[0]["errors"] if tool.endswith(f"{ACCURACIES[0]:g}")] if of_limb else []
         for tool in tools:
             better = [kind for kind in of_limb[0]["errors"][OURS] if kind.startswith(_COMPARED)]
             better = [kind for kind in better if _mean(of_limb, tool, kind) < _mean(of_limb, OURS, kind)]
