@@ -177,6 +177,17 @@ def test_without_viser_one_line_says_what_to_install(folder: Path, monkeypatch: 
         assert "pip install 'bonetrack[view]'" in str(result.exception)
 
 
+@pytest.mark.parametrize("host", ["192.0.2.1", "nowhere.invalid"])
+def test_a_host_that_is_not_this_machine_is_refused_at_once(folder: Path, host: str) -> None:
+    result = CliRunner().invoke(view_command, [str(folder / "subject.npz"), "--host", host])
+    assert isinstance(result.exception, ViewError)
+    assert f"as '{host}'; give an address of this machine" in str(result.exception)
+
+
+def test_a_port_that_there_cannot_be_is_a_wrong_command(folder: Path) -> None:
+    assert CliRunner().invoke(view_command, [str(folder / "subject.npz"), "--port", "99999"]).exit_code == 2
+
+
 def test_poses_of_another_limb_are_refused_in_one_line(
     folder: Path, tmp_path: Path, limb: KnownLimb, capfd: pytest.CaptureFixture[str]
 ) -> None:

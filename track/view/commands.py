@@ -25,7 +25,7 @@ _PATH = click.Path(path_type=Path)
     help="Where poses set by hand are kept (docs/view.md).",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="0.0.0.0 lets other machines look, too.")
-@click.option("--port", default=8080, show_default=True, help="The first to try.")
+@click.option("--port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="The first to try.")
 @region_option
 def view_command(
     source: Path,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from contextlib import redirect_stdout
@@ -39,14 +40,26 @@ def start_server(*, host: str = LOOPBACK, port: int = PORT) -> viser.ViserServer
     """A viser server: on this machine only, unless another host is given.
 
     Raises:
-        ViewError: viser is not installed.
+        ViewError: viser is not installed, or the host is not this machine.
     """
+    _refuse_strange_host(host)
     try:
         import viser
     except ImportError as error:
         raise ViewError("the viewer needs viser", remedy="pip install 'bonetrack[view]'") from error
     with redirect_stdout(StringIO()):  # it would greet with a box of its own
         return viser.ViserServer(host=host, port=port, verbose=False)
+
+
+def _refuse_strange_host(host: str) -> None:
+    """Told at once: the server would try one port after the other, and say nothing."""
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as tried:
+            tried.bind(address)
+    except OSError as error:
+        remedy = "give an address of this machine, or 0.0.0.0 for all of its addresses"
+        raise ViewError(f"nobody can connect to this machine as {host!r}", remedy=remedy) from error
 
 
 def stop_server(server: viser.ViserServer) -> None:
