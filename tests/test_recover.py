@@ -242,3 +242,39 @@ def test_a_limb_found_anew_must_fit_about_as_well_as_when_it_was_adapted(
         before = TrackerState(0.0, limb.thetas[0], np.zeros(10), shown, np.zeros(10))
         frame, _ = adapted.follow(limb.targets[0], gap_s, before)
     assert ("too far for a pose found anew" in frame.lost) == lost
+
+
+def turned(limb, theta):
+    """A pose with the forearm turned by 110 degrees: nearly round, it fits nearly as well."""
+    wrong = theta.copy()
+    wrong[limb.subject.anatomy.coordinate_index("pro_sup")] += np.deg2rad(110.0)
+    return wrong
+
+
+def taken_up(limb, theta, **more):
+    shown = np.ones(len(limb.subject.anatomy.bones), dtype=bool)
+    return TrackerState(0.0, theta, np.zeros(10), shown, np.zeros(10), **more)
+
+
+def test_a_limb_taken_up_after_a_gap_is_compared_with_what_a_search_finds(limb, tracker):
+    i = limb.subject.anatomy.coordinate_index("pro_sup")
+    target, truth = limb.targets[10], limb.thetas[10]
+    uncompared, _ = tracker.follow(target, 0.25, taken_up(limb, turned(limb, truth)))
+    frame, state = tracker.follow(target, 0.25, taken_up(limb, turned(limb, truth), taken_up_s=0.0))
+    assert np.rad2deg(abs(uncompared.theta[i] - truth[i])) > 45.0  # else this test shows nothing
+    assert frame.how == FOUND
+    assert np.rad2deg(abs(frame.theta[i] - truth[i])) < 3.0
+    assert state.taken_up_s == np.inf
+
+
+@pytest.mark.parametrize(("gap_s", "again"), [(0.03, False), (0.6, True)])
+def test_only_after_a_long_gap_a_limb_is_taken_up_with_doubt(limb, tracker, gap_s, again):
+    before = taken_up(limb, limb.thetas[0], searched_s=gap_s - 0.1)
+    frame, state = tracker.follow(limb.targets[0], gap_s, before)
+    assert not frame.lost
+    assert np.isfinite(state.taken_up_s) == again
+
+
+def test_a_right_pose_taken_up_after_a_gap_stands(limb, tracker):
+    frame, _ = tracker.follow(limb.targets[0], 0.25, taken_up(limb, limb.thetas[0], taken_up_s=0.0))
+    assert frame.how == FOLLOWED

@@ -18,7 +18,7 @@ from adapt.fit.follow import follow_pose
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundSkin, find_skin, score_pose
-from adapt.fit.start import locate
+from adapt.fit.start import CLEARLY_M, locate, try_pose
 from adapt.fit.untold import towards_rest
 from adapt.subject import Subject
 from capture.errors import FitError
@@ -45,6 +45,7 @@ FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the mo
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
 _PAST_S = 0.15  # what is found when the last pose is older than this is found anew
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
+_COMPARED_S = 0.2  # after which what was taken up from a pose forgotten by then is compared with what a search finds
 _BACK_S = 1.0  # time in which a joint that nothing tells of has gone most of the way back to rest
 _LONGEST_WAIT_S = 8.0  # between searches for bones out of sight, or for a limb in a cloud that stays as it was
 _BY_HAND_RAD, _BY_HAND_M = np.deg2rad(5.0), 0.015  # how sure a pose is that a person set
@@ -77,7 +78,8 @@ class TrackerState:
 
     ``shown`` are the bones that showed then; ``known_s`` says when each coordinate was last known (-inf: never),
     ``searched_s`` when the limb was last searched, ``wait_s`` how long to wait before what was not found is searched
-    again, ``look`` how the cloud looked when the whole limb was searched in vain (``track.search``).
+    again, ``look`` how the cloud looked when the whole limb was searched in vain (``track.search``), ``taken_up_s``
+    when the limb was taken up from a forgotten pose, inf once that has been compared with what a search finds.
     """
 
     time_s: float
@@ -88,6 +90,7 @@ class TrackerState:
     searched_s: float = -np.inf
     wait_s: float = _FORGOTTEN_S
     look: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+    taken_up_s: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ class Tracker:
             "most_outline_on_other_surface": MOST_ATTACHED,
             "found_anew_after_s": _PAST_S,
             "searched_after_s": _FORGOTTEN_S,
+            "compared_after_s": _COMPARED_S,
             "longest_wait_for_search_s": _LONGEST_WAIT_S,
             "back_to_rest_s": _BACK_S,
             "sd_by_hand_rad": float(_BY_HAND_RAD),
@@ -169,7 +173,8 @@ class Tracker:
         When the frame is lost the state is unchanged, but for what is said of the last search: a pose long gone says
         nothing of where the limb is now, so it is looked for anew, though not on every frame, and ever more seldom
         while the cloud stays as it was. So it is when bones have been out of sight for long: what is found then stands
-        if more bones show. Without ``searching`` neither is done.
+        if more bones show. A limb that comes back is taken up when little of it shows, so a little later it is searched
+        for, and what is found then stands if it explains the cloud clearly better. Without ``searching`` none is done.
         """
         lost_for_s = time_s - max(state.time_s, state.searched_s)
         if searching and lost_for_s > _FORGOTTEN_S:
@@ -181,12 +186,26 @@ class Tracker:
         if not np.isfinite(state.time_s):
             return self.missed(time_s, "not found yet"), state
         frame, after = self._continue(target, time_s, state)
-        if frame.lost or not searching or not _search_is_due(after):
+        if frame.lost or not searching:
+            return frame, after
+        if time_s - after.taken_up_s > _COMPARED_S:
+            return self._compared(frame, replace(after, taken_up_s=np.inf), target)
+        if not _search_is_due(after):
             return frame, after
         anew, found = self.first(target, time_s)
         if found is not None and anew.shown.sum() > frame.shown.sum():
             return anew, found
         return frame, replace(after, searched_s=time_s, wait_s=min(2.0 * after.wait_s, _LONGEST_WAIT_S))
+
+    def _compared(self, frame: TrackedFrame, state: TrackerState, target: Target) -> tuple[TrackedFrame, TrackerState]:
+        """A tracked frame, or what a search finds in its stead where that explains the cloud clearly better."""
+        anew, found = self.first(target, frame.time_s)
+        if found is None:
+            return frame, state
+        was, now = (try_pose(self.subject.body, target, self.sample, theta) for theta in (frame.theta, anew.theta))
+        if now is None or (was is not None and was.badness_m < now.badness_m + CLEARLY_M):
+            return frame, state
+        return anew, found
 
     def _continue(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
         anatomy = self.subject.anatomy
@@ -204,7 +223,8 @@ class Tracker:
             return frame, state
         velocity = pose_difference(anatomy, frame.theta, state.theta) / (time_s - state.time_s)
         velocity[~(coordinates_seen(anatomy, frame.shown) & coordinates_seen(anatomy, state.shown))] = 0.0
-        after = TrackerState(time_s, frame.theta, velocity, frame.shown, known_s)
+        taken_up_s = time_s if time_s - state.time_s > _FORGOTTEN_S else state.taken_up_s
+        after = TrackerState(time_s, frame.theta, velocity, frame.shown, known_s, taken_up_s=taken_up_s)
         return frame, after if frame.shown.all() else replace(after, searched_s=state.searched_s, wait_s=state.wait_s)
 
     def _doubted(self, frame: TrackedFrame) -> TrackedFrame:

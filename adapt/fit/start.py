@@ -38,7 +38,7 @@ _COARSE_GATE_M = 0.10
 _IN_SIGHT, _FOUND = 0.1, 0.75  # of a bone's skin, and of that: of bones with less, the cloud tells nothing
 _GOOD_COVERAGE = 0.9  # a pose from a likely start that finds this share of the skin needs no search
 _GOOD_ATTACHED, _GOOD_VOID = 0.4, 0.15  # the same of a pose with less of its outline attached, of its skin in the void
-_CLEARLY_M = 0.003  # a pose found by search must be better by this much than one from a likely start
+CLEARLY_M = 0.003  # a pose found by search must be better by this much than one that was there before
 
 
 def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
@@ -84,7 +84,7 @@ def locate(
             raise
         return best
     searched = try_pose(body, target, sample, searched.fit.theta) or searched
-    if best is not None and best.badness_m < searched.badness_m + _CLEARLY_M:
+    if best is not None and best.badness_m < searched.badness_m + CLEARLY_M:
         return best
     return searched
 
