@@ -1,11 +1,11 @@
 """Whole commands as a user calls them: how long they take, and the most memory they hold.
 
-Each runs in a process of its own, of which a system like Linux or macOS tells the memory when it has ended.
+Each runs in a process of its own, which tells its memory when it ends. What the system tells the parent (``wait4``)
+will not do: on Linux it starts from what the parent held when it made the child.
 """
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -19,7 +19,18 @@ from capture.calibration.calibrate import write_calibration
 from capture.errors import BonetrackError
 from capture.recording import Recording
 
-_COMMAND = "from track.cli import main; main()"
+_COMMAND = """\
+import atexit, resource, sys
+from pathlib import Path
+peak, status = Path(sys.argv.pop(1)), Path("/proc/self/status")
+def kib():
+    if status.is_file():
+        return next(line.split()[1] for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+atexit.register(lambda: peak.write_text(str(kib())))
+from track.cli import main
+main()
+"""
 
 
 class CommandFailed(BonetrackError):
@@ -61,15 +72,14 @@ def measured(command: str, arguments: Sequence[str]) -> Process:
     Raises:
         CommandFailed: it ended with an error, whose last line is told.
     """
-    start = time.perf_counter()
-    with TemporaryFile() as said:
-        child = subprocess.Popen([sys.executable, "-c", _COMMAND, command, *arguments], stdout=said, stderr=said)
-        _, status, usage = os.wait4(child.pid, 0)
+    with TemporaryDirectory() as folder, TemporaryFile() as said:
+        peak = Path(folder) / "peak"
+        start = time.perf_counter()
+        child = [sys.executable, "-c", _COMMAND, str(peak), command, *arguments]
+        failed = subprocess.run(child, stdout=said, stderr=said, check=False).returncode
         seconds = time.perf_counter() - start
-        child.returncode = os.waitstatus_to_exitcode(status)
-        if child.returncode:
+        if failed:
             said.seek(0)
             lines = said.read().decode(errors="replace").strip().splitlines()
             raise CommandFailed(f"`bonetrack {command}` failed: {lines[-1] if lines else 'it said nothing'}")
-    per_mib = 2**20 if sys.platform == "darwin" else 2**10  # of ru_maxrss: bytes there, KiB elsewhere
-    return Process(command, seconds, usage.ru_maxrss / per_mib)
+        return Process(command, seconds, float(peak.read_text()) / 2**10)
