@@ -372,6 +372,15 @@ def test_depths_that_are_all_too_large_or_too_small_show_in_the_size_of_the_box(
         find_box(box_seen(scale=scale), CAMERA, SIZE)
 
 
+def test_a_box_seen_at_a_low_angle_is_not_taken_for_a_smaller_one() -> None:
+    points = np.concatenate(arm_motion(1)[0])
+    rig = default_rig(points, spread_deg=270.0, elevations_deg=(24.0, 12.0, 24.0, 12.0))
+    box = (apply(rig.world_from_box, box_mesh(SIZE)[0]), box_mesh(SIZE)[1])
+    found = [find_box(image(box, sensor.world_from_sensor), CAMERA, SIZE) for sensor in rig.sensors]
+    smallest = min(sum(fit.measured_size_m) / sum(SIZE) for fit in found)
+    assert smallest < 0.98  # its edges are lost
+
+
 def test_a_box_too_far_away_is_told_to_come_nearer_not_that_it_is_crooked() -> None:
     with pytest.raises(CalibrationError, match=r"the box, 2\.\d m away.*0\.6 to 1\.5 m away") as caught:
         find_box(box_seen(away_m=2.5), CAMERA, SIZE)
