@@ -262,6 +262,8 @@ def record_command(
     """Record the depth of all RealSense cameras that are connected."""
     from capture.live import connected, record
 
+    if box is not None and box_seconds is None:
+        raise click.BadParameter("when the box is shown is needed, too", param_hint="--box-seconds")
     shown = _shown_box(box, box_seconds)
     devices = connected(out)
     with stdout.status("waiting for frames") as status:

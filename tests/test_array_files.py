@@ -71,6 +71,16 @@ def test_what_is_no_subject_or_motion_is_refused_in_one_line(tmp_path: Path, kin
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("options", [{}, {"region_minimum_m": [0, 0], "region_maximum_m": [1, 1]}, []])
+def test_a_motion_whose_settings_name_no_region_is_refused_in_one_line(tmp_path: Path, options: object) -> None:
+    settings = {"versions": {}, "options": options, "thresholds": {}}
+    path = written(
+        tmp_path / "bad.npz", made_files()[1], lambda m: {"description.npy": described(m, settings=settings)}
+    )
+    with pytest.raises(BonetrackError, match=r"bad\.npz: not a motion file; make one with"):
+        load_motion(path)
+
+
 def test_a_small_file_that_would_become_enormous_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -498,6 +498,7 @@ def test_a_known_motion_between_two_clouds_is_found() -> None:
     assert moved is not None
     assert moved.distance_m == pytest.approx(0.01, abs=0.003)
     assert apart(pairs, transform(np.eye(3), np.array([5.0, 0.0, 0.0])) @ true) is None
+    assert apart(pairs[:1], true) is None  # one instant cannot tell how sure it is
 
 
 def test_sensors_that_face_each_other_see_no_face_in_common_and_are_still_calibrated(tmp_path: Path) -> None:

@@ -128,3 +128,11 @@ def test_the_command_says_how_much_it_recorded(tmp_path, monkeypatch):
         result = CliRunner().invoke(record_command, ["--out", str(tmp_path / "rec"), "--seconds", "0.2"])
     assert result.exit_code == 0, result.output
     assert "10 frames of 64 x 48 px, unit 0.5 mm, fx 60.0 px" in result.output
+
+
+def test_a_box_without_the_time_it_is_shown_is_refused_by_what_record_has(tmp_path):
+    told = ["--out", str(tmp_path / "rec"), "--seconds", "1", "--box", "0.3", "0.2", "0.1"]
+    result = CliRunner().invoke(record_command, told)
+    assert result.exit_code == 2
+    assert "--box-seconds" in result.output
+    assert "--box-source" not in result.output

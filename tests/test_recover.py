@@ -276,5 +276,6 @@ def test_only_after_a_long_gap_a_limb_is_taken_up_with_doubt(limb, tracker, gap_
 
 
 def test_a_right_pose_taken_up_after_a_gap_stands(limb, tracker):
-    frame, _ = tracker.follow(limb.targets[0], 0.25, taken_up(limb, limb.thetas[0], taken_up_s=0.0))
+    frame, state = tracker.follow(limb.targets[0], 0.25, taken_up(limb, limb.thetas[0], taken_up_s=0.0))
     assert frame.how == FOLLOWED
+    assert state.searched_s == 0.25  # not searched again in the next frame

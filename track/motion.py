@@ -176,7 +176,14 @@ _ARRAYS = ("times", "thetas", "deviations", "shown", "residuals", "coverage", "m
 
 
 def _settings(kept: dict[str, Any] | None) -> Settings | None:
-    return None if kept is None else Settings(kept["versions"], kept["options"], kept["thresholds"])
+    if kept is None:
+        return None
+    settings = Settings(kept["versions"], kept["options"], kept["thresholds"])
+    if not all(
+        np.isfinite(end).all() and end.shape == (3,) for end in (settings.region.minimum, settings.region.maximum)
+    ):
+        raise ValueError("a region that is none")
+    return settings
 
 
 def _group(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, Floats]:

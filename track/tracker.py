@@ -200,6 +200,7 @@ class Tracker:
     def _compared(self, frame: TrackedFrame, state: TrackerState, target: Target) -> tuple[TrackedFrame, TrackerState]:
         """A tracked frame, or what a search finds in its stead where that explains the cloud clearly better."""
         anew, found = self.first(target, frame.time_s)
+        state = replace(state, searched_s=frame.time_s)
         if found is None:
             return frame, state
         was, now = (try_pose(self.subject.body, target, self.sample, theta) for theta in (frame.theta, anew.theta))

@@ -21,7 +21,7 @@ _POINTS = 2000  # of each sensor at each instant
 _REACH_M = 0.05  # two points of one surface are nearer than this; two sides of a limb mostly are not
 _ALIKE = 0.8  # cosine between the normals of two points of one surface
 _STEEPEST = 0.35  # cosine between normal and ray: what is seen at a lower angle is not measured well
-_FEWEST = 200  # points compared, of all instants together
+_FEWEST, _FEWEST_INSTANTS = 200, 2  # points compared, of all instants together; instants that have any
 _ROUNDS, _SMALL_STEP_M = 8, 2e-5
 _TUKEY = 4.685  # in standard deviations: 95 % efficiency for Gaussian errors
 _SMALLEST_SIGMA_M = 1e-3
@@ -74,13 +74,13 @@ def apart(pairs: Sequence[tuple[Surface, Surface]], b_from_a: Floats) -> Apart |
     square of the points' ways; its deviation is found by leaving out one pair at a time.
 
     Returns:
-        None if too few points are seen by both sensors.
+        None if too few points are seen by both sensors, or at one instant only: nothing then tells how sure it is.
     """
     motion, moved, centre = np.zeros(6), b_from_a, None
     for _ in range(_ROUNDS):
         matches = [_both_ways(a, b, moved) for a, b in pairs]
         points = np.concatenate([p for p, _, _ in matches])
-        if len(points) < _FEWEST:
+        if len(points) < _FEWEST or sum(len(p) > 0 for p, _, _ in matches) < _FEWEST_INSTANTS:
             return None
         centre = points.mean(axis=0) if centre is None else centre
         before, (normal, right) = motion, _equations(matches, centre, motion)
