@@ -101,8 +101,8 @@ Root mean square in mm, mean ± SD (maximum) over people. *Heads* and *whole bon
 reconstructed one: 0 for a head that kept its shape. With bones known, handles win on the
 first kind and affine maps on the second by construction; what is to be learnt is how much the other loses, and what is
 left of it when only skin is known. Even by handles heads change their shape a little, because the weights are not quite
-one throughout a head. Where people's bones do stretch as a whole, ours are the worse; either way the means are one to
-two and a half millimetres, so this alone does not prefer the one to the other. Heads that change their shape do not fit
+one throughout a head. Where people's bones do stretch as a whole, ours are the worse; either way the means are
+millimetres, so this alone does not prefer the one to the other. Heads that change their shape do not fit
 their neighbours any more when a joint moves, which is the reason for handles.
 We have no numbers of the paper's to set beside these.
 

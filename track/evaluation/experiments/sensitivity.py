@@ -184,8 +184,9 @@ def describe(results: Mapping[str, Result], images: Path) -> str:
     motions = " or ".join(limb.motion for limb in LIMBS.values())
     name = "sensitivity.png"
     _draw(groups, images / name)
-    return f"""One thing at a time is changed about the standard: two Carmine sensors 1.2 m away and 80 degrees apart,
-six example poses, all automatic, {_SECONDS:g} s of {motions} at 30 frames a second, random
+    return f"""One thing at a time is changed about the standard: two Carmine sensors 1.2 m away, or as much
+farther as it takes to see the whole limb (so that 160 cm changes nothing for the leg), and 80 degrees apart, six
+example poses, all automatic, {_SECONDS:g} s of {motions} at 30 frames a second, random
 subjects with soft tissue. The sensors' number, noise and distance and the number of poses change the adaptation as well
 as the tracking. A shifted sensor, the board and the ball concern tracking alone here: they use the subject that was
 adapted under the standard condition, and say nothing of what they would do to an adaptation. Noise: every error's size
