@@ -63,15 +63,21 @@ def print_subject(report: dict, out: Path) -> None:  # type: ignore[type-arg]
     """A short summary of how the adaptation went."""
     from rich.table import Table
 
-    table = Table("time (s)", "matched vertices", "median distance (mm)", "coverage", title="example poses")
+    table = Table("time (s)", "skin to cloud (mm)", "skin found", "cloud unexplained", "matched skin (mm)")
+    table.title = "example poses"
     for pose in report["poses"]:
         table.add_row(
             f"{pose['time_s']:.2f}",
-            str(pose["matches"]),
-            f"{pose['median_distance_mm']:.2f}",
+            f"{pose['skin_to_cloud_mm']:.1f}",
             f"{100 * pose['coverage']:.0f} %",
+            f"{100 * pose['unexplained']:.0f} %",
+            f"{pose['median_distance_mm']:.2f}",
         )
     stdout.print(table)
+    for frame in report["left_out"]:
+        stdout.print(f"not adapted to, at {frame['time_s']:.2f} s: {frame['reason']}", highlight=False)
+    if not (report["side"] or {}).get("told"):
+        stdout.print("the data do not tell whether it is a right or a left limb: the asked side is taken on trust")
     sizes = [f"{joint} {size['scale']:.2f} ± {size['sd']:.2f}" for joint, size in report["scales"].items()]
     stdout.print(f"size against the template: {', '.join(sizes)}", highlight=False)
     stdout.print(f"skin and cloud disagree by {report['noise_mm']:.1f} mm a patch of 3 cm", highlight=False)

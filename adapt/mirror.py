@@ -21,6 +21,7 @@ from typing import assert_never
 import numpy as np
 
 from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Frame, Handle, Ints, Joint
+from adapt.model.body import Body, make_body
 
 _OTHER = {"right": "left", "left": "right"}
 _SIGNS = np.array([1.0, 1.0, -1.0])
@@ -49,6 +50,13 @@ def mirrored(anatomy: Anatomy) -> Anatomy:
             name: (mirrored_points(points), _turned_over(tets)) for name, (points, tets) in anatomy.tetrahedra.items()
         },
     )
+
+
+def mirrored_body(body: Body) -> Body:
+    """The mirror image of a body, of the other side's anatomy: same proportions, same soft tissue."""
+    shape = body.shape.copy()
+    shape[3::4] *= -1.0  # the translation along z of each group of handles
+    return make_body(mirrored(body.anatomy), shape=shape, v_hat=mirrored_points(body.v_hat))
 
 
 def mirrored_name(name: str) -> str:

@@ -305,13 +305,14 @@ def test_what_a_search_finds_stands_only_if_more_bones_show(limb):
 
 @pytest.mark.parametrize("missing", [("hand", "radius", "ulna"), ("hand",)], ids=["one bone", "three bones"])
 def test_a_limb_found_anew_must_show_more_than_one_bone(limb, monkeypatch, missing):
-    found = track.tracker.find_skin
+    judge = track.tracker.judge_fit
 
     def without(*given):
-        whole = found(*given)
-        return replace(whole, bones=whole.bones | dict.fromkeys(missing, HIDDEN))
+        judged = judge(*given)
+        bones = judged.found.bones | dict.fromkeys(missing, HIDDEN)
+        return replace(judged, found=replace(judged.found, bones=bones))
 
-    monkeypatch.setattr(track.tracker, "find_skin", without)
+    monkeypatch.setattr(track.tracker, "judge_fit", without)
     frame, state = make_tracker(limb.subject).first(limb.targets[3], 0.0)
     assert (state is None) == bool(frame.lost) == (len(missing) == 3)
     assert frame.shown.any() == (len(missing) == 1)

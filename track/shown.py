@@ -13,25 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.fit.judge import shows
 from adapt.fit.score import FoundPart
 from adapt.model.body import Body
 
-LEAST_IN_SIGHT = 0.1  # of a bone's skin; a limb seen from one side shows some 0.4 of it, one that points at it 0.15
-LEAST_COVERAGE = 0.75  # of the skin in sight
-LARGEST_SKIN_M = 0.011  # mean distance of the skin in sight to the cloud
 _TURNS_ABOUT_CENTRE = ("hinge", "ball")  # types of joints whose centre the child carries as well as the parent
 
 Bools = NDArray[np.bool_]
-
-
-def fits(part: FoundPart) -> bool:
-    """Whether the skin in sight is where the cloud is."""
-    return part.coverage >= LEAST_COVERAGE and part.skin_m <= LARGEST_SKIN_M
-
-
-def shows(part: FoundPart) -> bool:
-    """Whether some skin shows: enough of it is in sight, and that fits."""
-    return part.in_sight >= LEAST_IN_SIGHT and fits(part)
 
 
 def bones_shown(anatomy: Anatomy, skin: Mapping[str, FoundPart]) -> Bools:

@@ -13,34 +13,25 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.fit import judge
 from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
+from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import FoundSkin, find_skin, score_pose
+from adapt.fit.score import score_pose
 from adapt.fit.start import CLEARLY_M, locate, try_pose
 from adapt.fit.untold import towards_rest
 from adapt.subject import Subject
 from capture.errors import FitError
 from track.prediction import pose_difference, predict, unsure_where_unknown
 from track.search import look_of, looks_changed
-from track.shown import (
-    LARGEST_SKIN_M,
-    LEAST_COVERAGE,
-    LEAST_IN_SIGHT,
-    Bools,
-    bones_shown,
-    coordinates_known,
-    coordinates_seen,
-    fits,
-    shows,
-)
+from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen
 from track.uncertainty import pose_covariance
 
 SAMPLED_VERTICES = 2000
 LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
-LARGEST_RESIDUAL_M = 0.006
 FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
 _PAST_S = 0.15  # what is found when the last pose is older than this is found anew
@@ -105,12 +96,12 @@ class Tracker:
         """What decides whether a frame is tracked, a bone shows, and a limb is searched; m, s, rad, shares, counts."""
         return {
             "sampled_vertices": SAMPLED_VERTICES,
-            "largest_residual_m": LARGEST_RESIDUAL_M,
+            "largest_residual_m": judge.FOLLOWED.residual_m,
             "largest_residual_found_anew_m": self.usual_m,
             "largest_residual_without_root_m": FRESH_RESIDUAL_M,
             "least_skin_in_sight": LEAST_IN_SIGHT,
-            "least_coverage": LEAST_COVERAGE,
-            "largest_skin_to_cloud_m": LARGEST_SKIN_M,
+            "least_coverage": judge.FOLLOWED.coverage,
+            "largest_skin_to_cloud_m": judge.FOLLOWED.skin_m,
             "least_bones_found_anew": LEAST_BONES,
             "most_outline_on_other_surface": MOST_ATTACHED,
             "found_anew_after_s": _PAST_S,
@@ -249,9 +240,11 @@ class Tracker:
     ) -> tuple[TrackedFrame, Floats]:
         """The frame that a fit makes, lost if fewer bones with skin show, and when each coordinate was last known."""
         anatomy = self.subject.anatomy
-        found = find_skin(self.subject.body, target, fit.theta, self.sample)
+        judged = judge_fit(self.subject.body, target, fit, self.sample, judge.FOLLOWED)
+        found = judged.found
         shown = bones_shown(anatomy, found.bones)
-        lost = _why_lost(fit, found, sum(shows(part) for part in found.bones.values()) < min(least, len(found.bones)))
+        too_few = sum(shows(part) for part in found.bones.values()) < min(least, len(found.bones))
+        lost = judged.reason or ("too few bones show" if too_few else "")
         if lost:
             shown[:] = False
         known_s = np.where(coordinates_known(anatomy, shown[None])[0], time_s, known_s)
@@ -259,15 +252,6 @@ class Tracker:
         covariance = unsure_where_unknown(anatomy, pose_covariance(self.subject, fit, self.sample), time_s - known_s)
         quality = (fit.residual_m, found.whole.coverage, len(fit.matches))
         return TrackedFrame(time_s, theta, covariance, shown, *quality, lost), known_s
-
-
-def _why_lost(fit: PoseFit, found: FoundSkin, too_few: bool) -> str:
-    if fit.residual_m > LARGEST_RESIDUAL_M:
-        return f"skin and cloud are {1e3 * fit.residual_m:.1f} mm apart"
-    if not fits(found.whole):
-        share, apart = 100 * found.whole.coverage, 1e3 * found.whole.skin_m
-        return f"{share:.0f} % of the skin in sight was found, {apart:.1f} mm from the cloud"
-    return "too few bones show" if too_few else ""
 
 
 def _search_is_due(state: TrackerState) -> bool:
@@ -279,7 +263,9 @@ def _search_is_due(state: TrackerState) -> bool:
 def make_tracker(subject: Subject) -> Tracker:
     """Prepare a subject for tracking."""
     adapted = [pose["median_distance_mm"] / 1e3 for pose in subject.report.get("poses", ())]
-    usual_m = max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else LARGEST_RESIDUAL_M
+    usual_m = (
+        max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else judge.FOLLOWED.residual_m
+    )
     return Tracker(subject, sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES), usual_m)
 
 

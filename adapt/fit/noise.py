@@ -35,6 +35,25 @@ def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: Sk
     return float(np.clip(np.sqrt((means**2).sum() / free), _LEAST_M, _MOST_M))
 
 
+def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[float, int]:
+    """Root mean square (m) of patches' mean distances from K clouds, given vertex by vertex (K, V), and how many.
+
+    NaN is what was not seen. A patch counts once, with the median over the poses in which it was seen: one pose that
+    went astray does not decide.
+    """
+    patch = _patches(anatomy)
+    means = np.full((len(apart), patch.max() + 1), np.nan)
+    for mean, distance in zip(means, apart, strict=True):
+        weight = sample.observations * np.isfinite(distance)
+        total = np.bincount(patch, weight)
+        enough = total > _LEAST_SHARE
+        mean[enough] = (np.bincount(patch, weight * np.nan_to_num(distance)) / np.maximum(total, 1e-12))[enough]
+    counted = np.isfinite(means).any(axis=0)
+    if not counted.any():
+        return 0.0, 0
+    return float(np.sqrt((np.nanmedian(np.abs(means[:, counted]), axis=0) ** 2).mean())), int(counted.sum())
+
+
 def _patch_means(anatomy: Anatomy, match: Correspondences, sample: SkinSample) -> Floats:
     patch = _patches(anatomy)[match.vertex]
     weight = sample.observations[match.vertex]

@@ -6,7 +6,7 @@ Every automatic choice can be overridden: the frames to adapt to, and their firs
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -17,7 +17,10 @@ from adapt.fit.alternate import Adaptation, Progress, adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
 from adapt.fit.found import FoundPoses
-from adapt.fit.pose import fit_pose
+from adapt.fit.judge import ADAPTED, judge_fit
+from adapt.fit.other_limb import refuse_two_limbs
+from adapt.fit.pose import PoseFit, fit_pose
+from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_the_other_side
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
@@ -80,20 +83,21 @@ def adapt_recording(
     body = make_body(anatomy)
     candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
     sample = sample_skin(anatomy, at_most=2000)
-    usable = _plausible(candidates) if frames is None else candidates  # frames that a person chose are not doubted
-    if len(usable) < min(poses, len(wanted)) or len(usable) < FEWEST_POSES:
+    usable, doubted = _plausible(candidates)
+    needed = max(poses if frames is None else FEWEST_POSES, FEWEST_POSES)
+    if len(usable) < needed:
         raise FitError(
-            f"{len(usable)} usable poses of {len(wanted)} looked at, {max(poses, FEWEST_POSES)} needed",
+            f"{len(usable)} usable poses of {len(wanted)} looked at, {needed} needed{_told(doubted)}",
             where=recording.path,
             remedy="record more poses, narrow the region, or give first poses",
         )
     others: list[_Candidate] = []
     if frames is None:
         progress("choosing example poses")
-        body, usable, others = _choose(body, usable, sample, poses)
-    targets, thetas = [c.target for c in usable], np.array([c.pose.fit.theta for c in usable])
-    unseen = [(c.target, c.pose.fit.theta) for c in others]
-    adaptation = adapt_body(body, targets, thetas, unseen=unseen, progress=progress)
+        body, usable, others, again = _choose(body, usable, sample, poses)
+        doubted |= again
+    side = _asked_side(body, usable, recording, sample, progress)
+    adaptation, usable, left_out = _adapted(body, usable, others, recording, progress)
     _refuse_a_collapsed_body(adaptation.body, recording)
     settings = {
         "versions": versions(),
@@ -103,7 +107,57 @@ def adapt_recording(
         "frames_given": None if frames is None else sorted(set(frames)),
         "first_poses_given": sorted(known),
     }
-    return _subject(adaptation, usable, settings)
+    return _subject(adaptation, usable, settings, side, doubted | left_out)
+
+
+def _asked_side(
+    body: Body, used: list[_Candidate], recording: Recording, sample: SkinSample, progress: Progress
+) -> SideEvidence | None:
+    """How well the example poses tell the asked side's limb from the other's, and from a second limb in sight."""
+    progress("which side, and which limb")
+    targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
+    scale = float(np.median(body.shape[::4]))
+    side = compare_sides(body.anatomy, targets, thetas, scale=scale)
+    try:
+        refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)
+    except FitError as error:
+        raise FitError(error.problem, where=recording.path, remedy=error.remedy) from error
+    refuse_the_other_side(side, body.anatomy, where=recording.path)
+    return side
+
+
+def _adapted(
+    body: Body, used: list[_Candidate], others: list[_Candidate], recording: Recording, progress: Progress
+) -> tuple[Adaptation, list[_Candidate], dict[float, str]]:
+    """Algorithm 4, the poses it rests on, and by their times those that failed the judge; without these it is redone.
+
+    Raises:
+        FitError: fewer than FEWEST_POSES poses pass.
+    """
+    targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
+    unseen = [(c.target, c.pose.fit.theta) for c in others]
+    adaptation = adapt_body(body, targets, thetas, unseen=unseen, progress=progress)
+    whole = sample_skin(body.anatomy)
+    judged = [judge_fit(adaptation.body, *pose, whole, ADAPTED) for pose in zip(targets, adaptation.fits, strict=True)]
+    failed = {c.instant.time_s: judgement.reason for c, judgement in zip(used, judged, strict=True) if judgement.reason}
+    if not failed:
+        return adaptation, used, {}
+    kept = [c for c in used if c.instant.time_s not in failed]
+    if len(kept) < FEWEST_POSES:
+        raise FitError(
+            f"the adapted body fits {len(kept)} of {len(used)} example poses, {FEWEST_POSES} needed{_told(failed)}",
+            where=recording.path,
+            remedy="is it the person, with the region, the unit and the focal length right? Choose other frames, "
+            "or give first poses",
+        )
+    adaptation, kept, further = _adapted(body, kept, others, recording, progress)
+    return adaptation, kept, failed | further
+
+
+def _told(doubted: Mapping[float, str]) -> str:
+    """The first few frames that are not believed, and why."""
+    told = [f"at {time_s:.2f} s {reason}" for time_s, reason in sorted(doubted.items())[:3]]
+    return f": {'; '.join(told)}" if told else ""
 
 
 def _refuse_a_collapsed_body(body: Body, recording: Recording) -> None:
@@ -117,16 +171,23 @@ def _refuse_a_collapsed_body(body: Body, recording: Recording) -> None:
         )
 
 
-def _plausible(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Candidates that explain their cloud, and about as well as the others do: a wrong pose does so worse."""
+def _plausible(candidates: list[_Candidate]) -> tuple[list[_Candidate], dict[float, str]]:
+    """Candidates that explain their cloud, and about as well as the others do; and by their times why others do not."""
     typical = float(np.median([c.pose.skin_m for c in candidates]))
-    return [c for c in candidates if c.pose.skin_m < min(_TOLERABLE_M, _CLEARLY * typical)]
+    kept, doubted = [], {}
+    for candidate in candidates:
+        apart = candidate.pose.skin_m
+        if apart < min(_TOLERABLE_M, _CLEARLY * typical):
+            kept.append(candidate)
+        else:
+            doubted[candidate.instant.time_s] = f"the skin is {1e3 * apart:.0f} mm from the cloud"
+    return kept, doubted
 
 
 def _choose(
     body: Body, candidates: list[_Candidate], sample: SkinSample, poses: int
-) -> tuple[Body, list[_Candidate], list[_Candidate]]:
-    """A first shape, the example poses chosen with it, and the usable candidates not chosen.
+) -> tuple[Body, list[_Candidate], list[_Candidate], dict[float, str]]:
+    """A first shape, the example poses chosen with it, the usable candidates not chosen, and why others are not usable.
 
     The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, the
     doubtful ones also from their neighbours' poses, and those that still fit worse than the rest are left out.
@@ -136,14 +197,15 @@ def _choose(
     bony = weighted_by_tissue(sample, body.anatomy)
     first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
     again = [_posed_again(first.body, candidate, [candidate], sample) for candidate in candidates]
-    doubtful = {id(c) for c in again} - {id(c) for c in _plausible(again)}
+    doubtful = {id(c) for c in again} - {id(c) for c in _plausible(again)[0]}
     for k, candidate in enumerate(again):
         if id(candidate) in doubtful:
             again[k] = _posed_again(first.body, candidate, again[max(0, k - 1) : k + 2], sample)
-    kept = _plausible(again)
-    kept = kept if len(kept) >= poses else again
+    kept, doubted = _plausible(again)
+    kept, doubted = (kept, doubted) if len(kept) >= poses else (again, {})
     chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses)
-    return first.body, [kept[k] for k in sorted(chosen)], [c for k, c in enumerate(kept) if k not in set(chosen)]
+    left = [c for k, c in enumerate(kept) if k not in set(chosen)]
+    return first.body, [kept[k] for k in sorted(chosen)], left, doubted
 
 
 def _posed_again(body: Body, candidate: _Candidate, starts: list[_Candidate], sample: SkinSample) -> _Candidate:
@@ -278,24 +340,20 @@ def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
     }
 
 
-def _subject(adaptation: Adaptation, used: list[_Candidate], settings: dict[str, Any]) -> Subject:
+def _subject(
+    adaptation: Adaptation,
+    used: list[_Candidate],
+    settings: dict[str, Any],
+    side: SideEvidence | None,
+    left_out: Mapping[float, str],
+) -> Subject:
     body = adaptation.body
     sample = sample_skin(body.anatomy)
-    scores = [
-        score_pose(body, candidate.target, fit, sample) for candidate, fit in zip(used, adaptation.fits, strict=True)
-    ]
     shown = landmarks_shown(body, adaptation.fits, sample)
     report = {
-        "poses": [
-            {
-                "time_s": candidate.instant.time_s,
-                "matches": len(fit.matches),
-                "median_distance_mm": 1e3 * fit.residual_m,
-                "skin_to_cloud_mm": 1e3 * score.skin_m,
-                "coverage": score.coverage,
-            }
-            for candidate, fit, score in zip(used, adaptation.fits, scores, strict=True)
-        ],
+        "poses": [_pose_report(body, *pose, sample) for pose in zip(used, adaptation.fits, strict=True)],
+        "left_out": [{"time_s": time_s, "reason": reason} for time_s, reason in sorted(left_out.items())],
+        "side": None if side is None else {**asdict(side), "support_nats": side.support, "told": side.told},
         "noise_mm": 1e3 * adaptation.noise_m,
         "unseen_noise_mm": None if adaptation.unseen_noise_m is None else 1e3 * adaptation.unseen_noise_m,
         "scales": _scales(adaptation),
@@ -305,3 +363,15 @@ def _subject(adaptation: Adaptation, used: list[_Candidate], settings: dict[str,
     }
     times = np.array([candidate.instant.time_s for candidate in used])
     return Subject(body, adaptation.thetas, times, adaptation.covariance, report)
+
+
+def _pose_report(body: Body, candidate: _Candidate, fit: PoseFit, sample: SkinSample) -> dict[str, float]:
+    judged = judge_fit(body, candidate.target, fit, sample, ADAPTED)
+    return {
+        "time_s": candidate.instant.time_s,
+        "matches": len(fit.matches),
+        "median_distance_mm": 1e3 * fit.residual_m,
+        "skin_to_cloud_mm": 1e3 * judged.found.whole.skin_m,
+        "coverage": judged.found.whole.coverage,
+        "unexplained": judged.unexplained,
+    }

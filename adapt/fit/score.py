@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target, depth_at, in_an_image, visible_from
-from adapt.fit.pose import PoseFit
+from adapt.fit.pose import PoseFit, match_pose
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin
 from adapt.model.surface import vertex_areas
@@ -98,6 +98,25 @@ def find_skin(body: Body, target: Target, theta: Floats, sample: SkinSample) -> 
     whole, *bones = _parts(sight, shares)
     names, has_skin = [bone.name for bone in body.anatomy.bones], np.flatnonzero(shares[:, 1:].any(axis=0))
     return FoundSkin(whole, {names[k]: bones[k] for k in has_skin})
+
+
+def skin_apart(body: Body, target: Target, theta: Floats, sample: SkinSample, *, gate_m: float) -> Floats:
+    """How far (V,) m each vertex of the posed skin is from the cloud; NaN where it is not in sight or not sampled.
+
+    Matched vertices count along their normals, with their sign; those in sight without any point within the gate by
+    how far the nearest one is, at most FAR_M. What lies on a scan's boundary tells nothing.
+
+    Raises:
+        FitError: fewer than 30 skin vertices find a target.
+    """
+    skin = pose_skin(body, theta)
+    matches = match_pose(body, target, theta, sample, gate_m=gate_m)
+    sight = _sight(target, skin[sample.vertices], sample.normals(skin)[sample.vertices])
+    apart = np.full(len(skin), np.nan)
+    missed = sight.in_sight & (sight.distance > gate_m)
+    apart[sample.vertices[missed]] = sight.distance[missed]
+    apart[matches.vertex] = matches.distance
+    return apart
 
 
 def _parts(sight: _Sight, shares: Floats) -> list[FoundPart]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.model.body import Body, bone_transforms
-from capture.rigid import apply, exp_so3, inverse, log_so3
+from adapt.model.body import Body, bone_transforms, moved_rigidly
+from capture.rigid import inverse
 
 Bools = NDArray[np.bool_]
 
@@ -42,10 +42,7 @@ def towards_rest(body: Body, theta: Floats, last: Floats, shown: Bools, kept: fl
     guess = np.where(free, rest + kept * (last - rest), theta)
     first = anatomy.bones[int(shown.argmax())].name
     move = bone_transforms(body, theta)[first] @ inverse(bone_transforms(body, guess)[first])
-    root = [anatomy.coordinate_index(name) for name in anatomy.joints[0].coordinates]
-    guess[root[:3]] = log_so3(move[:3, :3] @ exp_so3(guess[root[:3]]))
-    guess[root[3:]] = apply(move, guess[root[3:]][None])[0]
-    return guess
+    return moved_rigidly(anatomy, guess, move)
 
 
 def _beyond(anatomy: Anatomy, bone: str) -> list[str]:

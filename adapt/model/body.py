@@ -21,7 +21,7 @@ from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
 from adapt.model.variation import Motion, Points, constant_points, still_points
 from capture.errors import AnatomyError
-from capture.rigid import log_so3
+from capture.rigid import apply, exp_so3, log_so3
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +106,15 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
     if v_hat.shape != anatomy.skin_vertices.shape or not np.isfinite(v_hat).all():
         raise AnatomyError(f"v_hat of {anatomy.name} must be finite and of shape {anatomy.skin_vertices.shape}")
     return Body(anatomy, shape, v_hat)
+
+
+def moved_rigidly(anatomy: Anatomy, theta: Floats, move: Floats) -> Floats:
+    """The pose (n,) in which the whole body stands moved by a rigid transform (4, 4)."""
+    root = [anatomy.coordinate_index(name) for name in anatomy.joints[0].coordinates]
+    moved = theta.copy()
+    moved[root[:3]] = log_so3(move[:3, :3] @ exp_so3(theta[root[:3]]))
+    moved[root[3:]] = apply(move, theta[root[3:]][None])[0]
+    return moved
 
 
 def rest_theta(body: Body) -> Floats:

@@ -1,0 +1,92 @@
+"""A second limb that could be meant: another arm in the same cloud, of the same person or of somebody else.
+
+What the fitted limb does not explain is searched as if it were alone. Where a limb of the same anatomy fits that, too,
+which of the two is meant is not for the program to choose: they are told apart by their side, or asked about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from adapt.anatomy import Floats
+from adapt.fit.correspondences import Target
+from adapt.fit.judge import ADAPTED, fits, judge_fit, shows, unexplained_points
+from adapt.fit.rival_side import TOLD, SideEvidence, compare_sides
+from adapt.fit.sample import SkinSample
+from adapt.fit.score import ScoredPose
+from adapt.fit.start import find_pose, try_pose
+from adapt.mirror import mirrored_name
+from adapt.model.body import Body, pose_skin
+from capture.cloud.fuse import Cloud
+from capture.errors import FitError
+
+_WORTH_A_SEARCH = 0.4  # of the points that the limb explains, as many must be left for a second one
+_LEAST_IN_SIGHT = 0.25  # of a second limb's skin: less of one is a shape like others
+_MOST_ATTACHED, _MOST_VOID = 0.4, 0.15  # as of any pose found anew: laid on other surface, or in empty space
+_LEAST_BONES = 2
+
+
+def other_limb(body: Body, target: Target, theta: Floats, sample: SkinSample) -> tuple[Target, ScoredPose] | None:
+    """What a limb at ``theta`` (n,) leaves of a cloud, and a second one found there; None where there is none."""
+    left = unexplained_points(body, target, theta)
+    if left.sum() < _WORTH_A_SEARCH * (~left).sum():
+        return None
+    rest = Target(_only(target.cloud, left))
+    try:
+        found = find_pose(body, rest)
+    except FitError:
+        return None
+    pose = try_pose(body, rest, sample, found.fit.theta) or found
+    skin = judge_fit(body, rest, pose.fit, sample, ADAPTED)
+    bones = sum(shows(part) for part in skin.found.bones.values())
+    sound = pose.attached < _MOST_ATTACHED and pose.void < _MOST_VOID and bones >= _LEAST_BONES
+    whole = skin.found.whole
+    return (rest, pose) if sound and not skin.reason and fits(whole) and whole.in_sight > _LEAST_IN_SIGHT else None
+
+
+def refuse_two_limbs(
+    body: Body,
+    targets: Sequence[Target],
+    thetas: Floats,
+    side: SideEvidence | None,
+    sample: SkinSample,
+    *,
+    scale: float,
+) -> None:
+    """Look for a second limb in that of K clouds of which the fitted limb leaves the most.
+
+    Raises:
+        FitError: there is one, and its side does not tell which of the two is meant.
+    """
+    left = [int(unexplained_points(body, target, theta).sum()) for target, theta in zip(targets, thetas, strict=True)]
+    k = int(np.argmax(left))
+    second = other_limb(body, targets[k], thetas[k], sample)
+    if second is None:
+        return
+    rest, pose = second
+    theirs = compare_sides(body.anatomy, [rest], pose.fit.theta[None], scale=scale)
+    if side is not None and theirs is not None and side.support > TOLD and theirs.support < -TOLD:
+        return  # the other limb is of the other side
+    places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
+    raise FitError(
+        f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",
+        remedy=f"say which with `--near X Y Z` or a region, or `--anatomy {mirrored_name(body.anatomy.name)}`",
+    )
+
+
+def _only(cloud: Cloud, chosen: np.ndarray) -> Cloud:
+    """Some points of a cloud; the views stay, so that what else was there still hides and is still seen past."""
+    parts = {name: getattr(cloud, name)[chosen] for name in ("points", "normals", "boundary", "sensor")}
+    return replace(cloud, **parts)
+
+
+def _middle(body: Body, theta: Floats) -> Floats:
+    """The middle (3,) m of the posed skin that counts in fitting."""
+    return np.average(pose_skin(body, theta), axis=0, weights=body.anatomy.fit_weight)
+
+
+def _said(point: Floats) -> str:
+    return " ".join(f"{value:.2f}" for value in point)

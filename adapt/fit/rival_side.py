@@ -1,0 +1,168 @@
+"""The rival hypothesis: would the other side's limb explain the same clouds better?
+
+A right arm and a left one have the same sizes and bend the same way; what tells them apart is small (where the thumb
+is, how the forearm's bones lie), and a fit of the wrong side looks good in every figure of its own. So the mirror image
+of the anatomy is fitted to the same example poses, both sides alike: from the same proportions, with the same soft
+tissue free. The patches of skin of each then disagree with the clouds by a standard deviation; with N distinct patches
+seen, N log(other / asked) is how much likelier (nats) the asked side makes what was seen, its own priors added.
+Patches are counted once for all poses: where a template is wrong it is wrong in every pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.fit.correspondences import Target
+from adapt.fit.forms import joint_coordinates
+from adapt.fit.noise import patch_misfit
+from adapt.fit.priors import shape_precision
+from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
+from adapt.fit.score import skin_apart
+from adapt.fit.shape import ShapeFit, fit_shape
+from adapt.fit.start import try_pose
+from adapt.mirror import mirrored_body, mirrored_name
+from adapt.model.body import Body, make_body, moved_rigidly, pose_skin
+from capture.errors import FitError
+from capture.rigid import exp_so3
+
+_SAMPLED_VERTICES = 2000
+_COARSE_VERTICES = 300
+_SWEEP = 5  # values tried of each joint coordinate over its range
+_TRIED = 3  # starts refined of each pose
+_UPDATES = 6
+_GATE_M = 0.02
+
+TOLD = 15.0
+"""Support (nats) from which on a side is told: the thresholds' half of the situations in docs/field-trials.md."""
+
+
+@dataclass(frozen=True)
+class SideEvidence:
+    """How well the asked side and the other one explain the same clouds.
+
+    ``asked_m`` and ``other_m`` are the standard deviations (m) of patches of skin from the clouds, ``patches`` how many
+    distinct ones were seen, ``prior`` how much likelier (nats) the asked side's proportions are than the other's.
+    """
+
+    asked_m: float
+    other_m: float
+    patches: int
+    prior: float
+
+    @property
+    def support(self) -> float:
+        """How much likelier (nats) the asked side makes what was seen; negative where the other side does."""
+        return float(self.patches * np.log(self.other_m / self.asked_m) + self.prior)
+
+    @property
+    def told(self) -> bool:
+        """Whether the data tell that it is the asked side."""
+        return self.support > TOLD
+
+
+def refuse_the_other_side(evidence: SideEvidence | None, anatomy: Anatomy, *, where: Path) -> None:
+    """Raise FitError where the other side explains the clouds clearly better than the one that was asked for."""
+    if evidence is None or evidence.support > -TOLD:
+        return
+    other = mirrored_name(anatomy.name)
+    raise FitError(
+        f"what was seen is clearly nearer to {other} ({1e3 * evidence.other_m:.1f} mm off) than to {anatomy.name} "
+        f"({1e3 * evidence.asked_m:.1f} mm)",
+        where=where,
+        remedy=f"ask for `--anatomy {other}`; if the sensors' driver mirrors its images, `bonetrack import --mirrored`",
+    )
+
+
+def compare_sides(anatomy: Anatomy, targets: Sequence[Target], thetas: Floats, *, scale: float) -> SideEvidence | None:
+    """Fit an anatomy and its mirror image to K clouds, near the poses (K, n) of a body of that ``scale``.
+
+    None where either fits nowhere.
+    """
+    asked = _similar(anatomy, scale)
+    other = mirrored_body(asked)
+    sample = sample_skin(anatomy, at_most=_SAMPLED_VERTICES)
+    mirrored_sample = sample_skin(other.anatomy, at_most=_SAMPLED_VERTICES)
+    laid = [_pose_of_other(asked, other, *pose, mirrored_sample) for pose in zip(targets, thetas, strict=True)]
+    poses = [
+        (target, theta, rival) for target, theta, rival in zip(targets, thetas, laid, strict=True) if rival is not None
+    ]
+    if not poses:
+        return None
+    clouds = [target for target, _, _ in poses]
+    try:
+        one = _fit(asked, clouds, np.array([theta for _, theta, _ in poses]), sample)
+        two = _fit(other, clouds, np.array([rival for _, _, rival in poses]), mirrored_sample)
+        asked_m, patches = patch_misfit(anatomy, _apart(one, clouds, sample), sample)
+        other_m, _ = patch_misfit(other.anatomy, _apart(two, clouds, mirrored_sample), mirrored_sample)
+    except FitError:
+        return None
+    return SideEvidence(asked_m, other_m, patches, _improbability(two) - _improbability(one))
+
+
+def _similar(anatomy: Anatomy, scale: float) -> Body:
+    """The template grown or shrunk as a whole: neither side is to begin with what the other made of the clouds."""
+    body = make_body(anatomy)
+    return make_body(anatomy, shape=body.affine.uniform(scale))
+
+
+def _fit(body: Body, targets: list[Target], thetas: Floats, sample: SkinSample) -> ShapeFit:
+    return fit_shape(body, targets, thetas, weighted_by_tissue(sample, body.anatomy), updates=_UPDATES)
+
+
+def _apart(fitted: ShapeFit, targets: list[Target], sample: SkinSample) -> Floats:
+    poses = zip(targets, fitted.thetas, strict=True)
+    return np.array([skin_apart(fitted.body, target, theta, sample, gate_m=_GATE_M) for target, theta in poses])
+
+
+def _improbability(fitted: ShapeFit) -> float:
+    """Minus the logarithm of the prior (nats) of a body's proportions."""
+    away = fitted.body.shape - fitted.body.affine.identity
+    return 0.5 * float(away @ shape_precision(fitted.body.anatomy, fitted.body.affine) @ away)
+
+
+def _pose_of_other(body: Body, other: Body, target: Target, theta: Floats, sample: SkinSample) -> Floats | None:
+    """The best pose (n,) of the other side's limb in one cloud, from laying it upon the asked side's, pose by pose."""
+    skin = pose_skin(body, theta)
+    laid = [pose for form in _forms_near(other.anatomy, theta) for pose in _laid_upon(other, form, skin)]
+    laid.sort(key=lambda pose: pose[0])
+    tried = [try_pose(other, target, sample, start) for _, start in laid[:_TRIED]]
+    best = min((pose for pose in tried if pose is not None), key=lambda pose: pose.badness_m, default=None)
+    return None if best is None else best.fit.theta
+
+
+def _forms_near(anatomy: Anatomy, theta: Floats) -> list[Floats]:
+    """The pose (n,) and the same with each joint coordinate swept over its range."""
+    forms = [theta]
+    for i in joint_coordinates(anatomy):
+        for value in np.linspace(anatomy.coordinates[i].low, anatomy.coordinates[i].high, _SWEEP):
+            forms.append(np.r_[theta[:i], value, theta[i + 1 :]])
+    return forms
+
+
+def _laid_upon(other: Body, theta: Floats, skin: Floats) -> list[tuple[float, Floats]]:
+    """The form of a pose (n,) laid upon a posed skin (V, 3): how far (m) it is from it, and the pose so moved.
+
+    Vertex lies by vertex as well as a limb can lie on its mirror image: reflected in its flattest plane; and once
+    more turned about its length by half a turn.
+    """
+    chosen = np.linspace(0, len(skin) - 1, _COARSE_VERTICES).astype(int)
+    form, onto = pose_skin(other, theta)[chosen], skin[chosen]
+    tree = cKDTree(skin)
+    middle_form, middle = form.mean(axis=0), onto.mean(axis=0)
+    turn = Rotation.align_vectors(onto - middle, form - middle_form)[0].as_matrix()
+    length = np.linalg.svd(onto - middle, full_matrices=False)[2][0]
+    laid = []
+    for rotation in (turn, exp_so3(np.pi * length) @ turn):
+        move = np.eye(4)
+        move[:3, :3], move[:3, 3] = rotation, middle - rotation @ middle_form
+        laid.append(
+            (float(tree.query(form @ rotation.T + move[:3, 3])[0].mean()), moved_rigidly(other.anatomy, theta, move))
+        )
+    return laid
