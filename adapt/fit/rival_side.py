@@ -38,6 +38,7 @@ _SWEEP = 5  # values tried of each joint coordinate over its range
 _TRIED = 3  # starts refined of each pose
 _UPDATES = 6
 _GATE_M = 0.02
+_MOST_M = 0.01  # a part that goes astray counts as this far off, however far it is
 
 TOLD = 15.0
 """Support (nats) from which on a side is told: the thresholds' half of the situations in docs/field-trials.md."""
@@ -118,7 +119,8 @@ def _fit(body: Body, targets: list[Target], thetas: Floats, sample: SkinSample) 
 
 def _apart(fitted: ShapeFit, targets: list[Target], sample: SkinSample) -> Floats:
     poses = zip(targets, fitted.thetas, strict=True)
-    return np.array([skin_apart(fitted.body, target, theta, sample, gate_m=_GATE_M) for target, theta in poses])
+    apart = [skin_apart(fitted.body, target, theta, sample, gate_m=_GATE_M) for target, theta in poses]
+    return np.clip(apart, -_MOST_M, _MOST_M)
 
 
 def _improbability(fitted: ShapeFit) -> float:

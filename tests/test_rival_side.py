@@ -1,0 +1,82 @@
+"""The other side is always tried: a wrong one is refused, and what the data cannot tell is not claimed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adapt.fit.correspondences import Target
+from adapt.fit.recording import adapt_recording
+from adapt.fit.rival_side import TOLD, SideEvidence, _pose_of_other, compare_sides, refuse_the_other_side
+from adapt.fit.sample import sample_skin
+from adapt.mirror import mirrored, mirrored_body
+from adapt.model.body import make_body, pose_skin
+from capture.errors import FitError
+
+FRAMES = [0, 3, 6, 9]
+
+
+@pytest.fixture(scope="module")
+def clouds(limb):
+    return [limb.targets[k] for k in FRAMES]
+
+
+@pytest.fixture(scope="module")
+def poses_of_the_left(limb, clouds):
+    """Left arms laid into a right arm's clouds, as a search with the wrong anatomy would lay them."""
+    asked = make_body(limb.subject.anatomy)
+    other = mirrored_body(asked)
+    sample = sample_skin(other.anatomy, at_most=1000)
+    pairs = zip(clouds, limb.thetas[FRAMES], strict=True)
+    return np.array([_pose_of_other(asked, other, target, theta, sample) for target, theta in pairs])
+
+
+def test_a_mirrored_body_poses_as_the_mirror_image(limb):
+    body = limb.subject.body
+    theta = limb.thetas[3].copy()
+    other = theta.copy()
+    theta[:6] = other[:6] = 0.0
+    ours, theirs = pose_skin(body, theta), pose_skin(mirrored_body(body), other)
+    np.testing.assert_allclose(theirs * [1.0, 1.0, -1.0], ours, atol=1e-9)
+
+
+def test_the_right_side_is_told(limb, clouds):
+    evidence = compare_sides(limb.subject.anatomy, clouds, limb.thetas[FRAMES], scale=1.0)
+    assert evidence.told
+    assert evidence.other_m > 2.0 * evidence.asked_m
+    refuse_the_other_side(evidence, limb.subject.anatomy, where=Path("rec"))
+
+
+def test_the_wrong_side_is_refused_with_both_remedies(limb, poses_of_the_left):
+    left = mirrored(limb.subject.anatomy)
+    given = dict(zip(FRAMES, poses_of_the_left, strict=True))
+    with pytest.raises(FitError, match="nearer to upper-limb-right") as refused:
+        adapt_recording(limb.recording, left, frames=FRAMES, first_poses=given)
+    assert "--anatomy upper-limb-right" in refused.value.remedy
+    assert "--mirrored" in refused.value.remedy
+
+
+def test_what_the_data_cannot_tell_is_neither_claimed_nor_refused(limb):
+    alike = SideEvidence(asked_m=0.0010, other_m=0.00101, patches=120, prior=0.5)
+    assert not alike.told
+    refuse_the_other_side(alike, limb.subject.anatomy, where=Path("rec"))
+
+
+def test_an_upper_arm_alone_does_not_tell_its_side(limb, clouds):
+    body = limb.subject.body
+
+    def upper_arm(target, theta):
+        skin, bones = pose_skin(body, theta), body.skin_riding.argmax(axis=1)
+        names = [bone.name for bone in body.anatomy.bones]
+        points = target.cloud.points
+        nearest = ((points[:, None] - skin[None, ::8]) ** 2).sum(axis=2).argmin(axis=1)
+        kept = bones[::8][nearest] == names.index("humerus")
+        parts = {name: getattr(target.cloud, name)[kept] for name in ("points", "normals", "boundary", "sensor")}
+        return Target(replace(target.cloud, **parts))
+
+    cut = [upper_arm(target, theta) for target, theta in zip(clouds, limb.thetas[FRAMES], strict=True)]
+    evidence = compare_sides(limb.subject.anatomy, cut, limb.thetas[FRAMES], scale=1.0)
+    assert abs(evidence.support) < TOLD
