@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from capture.commands import region_option
 from capture.console import stdout
+
+if TYPE_CHECKING:
+    from adapt.subject import Subject
 
 
 @click.command("adapt")
@@ -56,12 +60,16 @@ def adapt_command(
             region=as_region(region),
             progress=status.update,
         )
-    print_subject(subject.report, out)
+    print_subject(subject, out)
 
 
-def print_subject(report: dict, out: Path) -> None:  # type: ignore[type-arg]
+def print_subject(subject: Subject, out: Path) -> None:
     """A short summary of how the adaptation went."""
     from rich.table import Table
+
+    from adapt.subject import doubts
+
+    report = subject.report
 
     table = Table("time (s)", "skin to cloud (mm)", "skin found", "cloud unexplained", "matched skin (mm)")
     table.title = "example poses"
@@ -74,16 +82,25 @@ def print_subject(report: dict, out: Path) -> None:  # type: ignore[type-arg]
             f"{pose['median_distance_mm']:.2f}",
         )
     stdout.print(table)
+    print_frames_used(report["settings"]["frames_used"])
     for frame in report["left_out"]:
         stdout.print(f"not adapted to, at {frame['time_s']:.2f} s: {frame['reason']}", highlight=False)
-    if not (report["side"] or {}).get("told"):
-        stdout.print("the data do not tell whether it is a right or a left limb: the asked side is taken on trust")
+    for doubt in doubts(subject):
+        stdout.print(doubt, highlight=False)
     sizes = [f"{joint} {size['scale']:.2f} ± {size['sd']:.2f}" for joint, size in report["scales"].items()]
     stdout.print(f"size against the template: {', '.join(sizes)}", highlight=False)
     stdout.print(f"skin and cloud disagree by {report['noise_mm']:.1f} mm a patch of 3 cm", highlight=False)
     if report["landmarks_never_shown"]:
         stdout.print(f"never seen in any pose: {', '.join(report['landmarks_never_shown'])}")
     stdout.print(f"subject written to {out}")
+
+
+def print_frames_used(used: list[dict]) -> None:  # type: ignore[type-arg]
+    """How many frames of each sensor were used, with a warning where few were; nothing of older results."""
+    from capture.recording import FramesUsed, used_in_words
+
+    for line in used_in_words([FramesUsed(**one) for one in used]) if used else ():
+        stdout.print(line, highlight=False)
 
 
 def _frame_numbers(text: str | None) -> list[int] | None:

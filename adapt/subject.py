@@ -40,6 +40,14 @@ class Subject:
         return self.body.anatomy
 
 
+def doubts(subject: Subject) -> list[str]:
+    """What a result made with a subject should say beside it, in words: what its adaptation could not tell."""
+    side = subject.report.get("side")
+    if "side" not in subject.report or (side is not None and side["told"]):
+        return []  # an older subject's file says nothing of its side
+    return [f"the data do not tell that it is a {subject.anatomy.side} limb: the asked side is taken on trust"]
+
+
 def save_subject(subject: Subject, path: Path) -> None:
     """Write a subject as one ``.npz`` file."""
     description = {

@@ -6,11 +6,15 @@ import csv
 import os
 import shutil
 import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import track.batch.run
 from capture.errors import CloudError
 from capture.recording import open_recording
 from tests.known_limb import ANATOMY, KnownLimb
@@ -162,3 +166,43 @@ def test_a_missing_recording_fails_alone_and_a_bad_file_is_no_table(tmp_path: Pa
         read_items(tmp_path / "bad.csv")
     with pytest.raises(BatchError, match="no such folder or file"):
         read_items(tmp_path / "nothing")
+
+
+class PausedCluster:
+    """What a Dask client says of a cluster whose processes hold too much memory to take work."""
+
+    def __init__(self, *states: str) -> None:
+        self._states = states
+
+    def scheduler_info(self) -> dict[str, dict[str, dict[str, str]]]:
+        return {"workers": {f"tcp://{k}": {"status": status} for k, status in enumerate(self._states)}}
+
+
+def test_processes_that_are_all_paused_are_not_waited_for() -> None:
+    with pytest.raises(BatchError, match="all 2 processes are paused"):
+        track.batch.run._refuse_if_paused(PausedCluster("paused", "paused"))
+    track.batch.run._refuse_if_paused(PausedCluster("paused", "running"))
+
+
+def test_a_batch_looks_again_and_again_while_it_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[int] = []
+    monkeypatch.setattr(track.batch.run, "_LOOK_EVERY_S", 0.2)
+    monkeypatch.setattr(track.batch.run, "_refuse_if_paused", lambda client: looked.append(1))
+    rows = run_batch([Item("slow", tmp_path / "slow", ANATOMY)], tmp_path / "out", workers=1, work=_slow)
+    assert [row.name for row in rows] == ["slow"]
+    assert looked
+
+
+def _slow(item: Item, folder: Path) -> Row:
+    time.sleep(1.0)
+    return Row(item.name)
+
+
+def test_names_are_whole_where_the_table_goes_into_a_file(tmp_path: Path) -> None:
+    name = "a-very-long-name-of-a-recording-that-nobody-would-want-to-be-cut-" + "x" * 60
+    said = subprocess.run(
+        [sys.executable, "-c", f"from track.batch.commands import print_rows\nfrom track.batch.work import Row\n"
+         f"print_rows([Row({name!r}, hidden='hand 12', error='one line that is long enough to be wrapped ' * 4)])"],
+        capture_output=True, text=True, check=True, env={k: v for k, v in os.environ.items() if k != "COLUMNS"},
+    ).stdout  # fmt: skip
+    assert name in said

@@ -429,3 +429,15 @@ def test_tracking_starts_from_a_pose_set_by_hand(chain, tmp_path):
     assert "1 tracked from poses set by hand" in ran.out
     assert load_motion(tmp_path / "motion").how[3] == "by hand"
     fails(*command, tmp_path / "none.json", saying="cannot be read")
+
+
+@pytest.mark.parametrize("foreign", ["notes.txt", "sensor1/000000.png"])
+def test_a_demo_replaces_nothing_that_it_did_not_write(tmp_path, foreign):
+    kept = tmp_path / "recording" / foreign
+    kept.parent.mkdir(parents=True)
+    kept.write_text("mine")
+    (tmp_path / "motion").mkdir()
+    (tmp_path / "motion" / "thesis.txt").write_text("mine, too")
+    fails("demo", "--out", tmp_path, saying=f"holds {foreign}, which is not of the demo's sample")
+    assert kept.read_text() == "mine"
+    assert (tmp_path / "motion" / "thesis.txt").read_text() == "mine, too"

@@ -450,7 +450,7 @@ def test_a_chart_has_a_gap_where_an_angle_is_not_known(tmp_path, limb, motion, m
 
 
 def test_the_summary_names_bones_that_did_not_show(limb, motion, capsys):
-    print_motion(hand_hidden(motion, limb))
+    print_motion(hand_hidden(motion, limb), limb.subject)
     said = capsys.readouterr().out
     assert "11 of 12 frames tracked" in said
     assert "hand does not show in 11 of the frames tracked" in said

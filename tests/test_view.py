@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import base64
 import re
+import socket
 import sys
 import time
 from dataclasses import replace
@@ -303,6 +304,60 @@ def test_a_pose_set_by_hand_is_fitted_to_the_points_and_back(viewer: Viewer, lim
     hand._fit_from_here()
     assert hand._said.content.startswith("**Not fitted**: from the pose set by hand ")
     np.testing.assert_allclose(hand.theta, far, atol=1e-9)
+
+
+def test_a_pose_set_by_hand_stays_with_its_frame(viewer: Viewer, limb: KnownLimb, tmp_path: Path) -> None:
+    hand = viewer._hand
+    assert hand is not None
+    viewer.timeline._set(4)
+    hand._on.value = True
+    hand._begin()
+    hand._set(limb.thetas[3] + 0.01)
+    hand._keep()
+    viewer.timeline._set(8)
+    assert hand.theta is None  # nothing was set for this frame
+    hand._keep()
+    assert "**Not saved**: the pose was set for frame 4, and this is frame 8" in hand._told.content
+    assert [pose.frame for pose in read_poses(tmp_path / "poses.json", limb.subject.anatomy)] == [4]
+    hand._dragged()  # whatever is set now begins from this frame
+    np.testing.assert_allclose(hand.theta, limb.thetas[8], atol=0.2)
+    viewer.timeline._set(4)
+    assert hand.theta is None
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, None),
+        ({"Origin": "http://127.0.0.1:{port}"}, None),
+        ({"Origin": "https://elsewhere.example"}, 403),
+        ({"Origin": "http://127.0.0.1:1"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Host": "elsewhere.example:{port}", "Origin": "http://elsewhere.example:{port}"}, 403),
+    ],
+)
+def test_other_pages_of_the_same_browser_cannot_read_along(viewer: Viewer, headers: dict[str, str], status) -> None:  # type: ignore[no-untyped-def]
+    import viser
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    port = viewer.server.get_port()
+    given = {name: value.format(port=port) for name, value in headers.items()}
+    address = f"ws://{given.pop('Host', f'127.0.0.1:{port}')}"
+    with socket.create_connection(("127.0.0.1", port)) as opened:
+        options = {
+            "sock": opened,
+            "additional_headers": given,
+            "max_size": 64 << 20,
+            "subprotocols": [f"viser-v{viser.__version__}"],
+        }
+        if status is None:
+            with connect(address, **options) as talk:
+                assert talk.recv(timeout=10)
+            return
+        with pytest.raises(InvalidStatus) as refused:
+            connect(address, **options)
+        assert refused.value.response.status_code == status
 
 
 def test_the_scene_is_one_file_with_all_its_frames(scene: Scene, tmp_path: Path) -> None:

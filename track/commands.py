@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from adapt.commands import print_frames_used
 from capture.commands import as_region, region_option
 from capture.console import stdout
 
@@ -57,20 +58,26 @@ def track_command(
             world_from_thorax=frame,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
-    print_motion(motion)
+    print_motion(motion, person)
     stdout.print(f"motion written to {out}")
 
 
-def print_motion(motion) -> None:  # type: ignore[no-untyped-def]
+def print_motion(motion, subject) -> None:  # type: ignore[no-untyped-def]
     """A short summary: frames tracked, how well, which bones did not show in them, and why others were lost."""
     import numpy as np
 
+    from adapt.subject import doubts
+
     tracked = motion.tracked
+    if motion.settings is not None:
+        print_frames_used(motion.settings.options.get("frames_used", []))
     stdout.print(f"{int(tracked.sum())} of {len(tracked)} frames tracked", highlight=False)
     if tracked.any():
         residual = 1e3 * float(np.median(motion.residuals[tracked]))
         coverage = 100.0 * float(np.median(motion.coverage[tracked]))
         stdout.print(f"skin to cloud {residual:.2f} mm (median), {coverage:.0f} % of the skin in sight found")
+    for doubt in doubts(subject):
+        stdout.print(doubt, highlight=False)
     for how, told in _HOW.items():
         if count := motion.how.count(how):
             stdout.print(f"{count} {told}", highlight=False)

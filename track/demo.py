@@ -19,6 +19,7 @@ from capture.cloud.fuse import fuse
 from capture.console import stdout
 from capture.errors import RecordingError
 from capture.recording import Recording, instants, open_recording
+from capture.recording.read import CALIBRATION_FILE
 from track.commands import print_motion
 from track.evaluation.commands import print_evaluation
 from track.evaluation.errors import evaluate_motion, read_truth, write_evaluation
@@ -44,12 +45,12 @@ def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
         recording = open_recording(recording.path)
     with _step("adapting the anatomy") as note:
         subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note)
-    print_subject(subject.report, out / "subject.npz")
+    print_subject(subject, out / "subject.npz")
     with _step("tracking") as note:
         motion = track_recording(
             recording, subject, out / "motion", progress=lambda done, total: note(f"tracking: {done} of {total} frames")
         )
-    print_motion(motion)
+    print_motion(motion, subject)
     with _step("comparing with the truth"):
         evaluation = evaluate_motion(motion, subject, recording)
         write_evaluation(evaluation, out / "errors.json")
@@ -79,17 +80,27 @@ def samples() -> dict[str, Path]:
 
 
 def _copy_of_sample(anatomy: str, to: Path) -> Recording:
-    """A copy, so that calibrating leaves the sample as it came."""
+    """A copy, so that calibrating leaves the sample as it came; an earlier copy is taken up, nothing else replaced."""
     known = samples()
     if anatomy not in known:
         remedy = f"there are samples of {', '.join(known)}" if known else "run the demo in a checkout of the project"
         raise RecordingError(f"no sample recording of {anatomy}", where=Path("recordings"), remedy=remedy)
-    if to.exists():
-        open_recording(to)  # only a recording may be replaced
-        shutil.rmtree(to)
-    shutil.rmtree(to.parent / "motion", ignore_errors=True)
-    shutil.copytree(known[anatomy], to)
+    _refuse_other_content(to, known[anatomy])
+    shutil.copytree(known[anatomy], to, dirs_exist_ok=True)
     return open_recording(to)
+
+
+def _refuse_other_content(folder: Path, sample: Path) -> None:
+    """Raise RecordingError where a folder holds anything but a copy of the sample, whole or in part."""
+    remedy = "give another --out"
+    if folder.exists() and not folder.is_dir():
+        raise RecordingError("is a file, not a folder", where=folder, remedy=remedy)
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder)
+        if path.is_dir() or str(name) == CALIBRATION_FILE:
+            continue
+        if not (sample / name).is_file() or path.read_bytes() != (sample / name).read_bytes():
+            raise RecordingError(f"holds {name}, which is not of the demo's sample", where=folder, remedy=remedy)
 
 
 def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> list[Path]:

@@ -62,10 +62,12 @@ def print_rows(rows: Sequence[Row]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table("recording", "frames", "lost", "residual (mm)", "bones hidden (frames)", "seconds", "error")
+    table = Table("recording", "frames", "lost", "residual (mm)", "bones hidden (frames)", "frames used", "seconds")
+    table.add_column("error or warning")
     for row in rows:
         numbers = [str(row.frames), str(row.lost), _rounded(row.residual_mm, 2)]
-        table.add_row(escape(row.name), *numbers, escape(row.hidden), _rounded(row.seconds, 1), escape(row.error))
+        seen = [escape(row.hidden), escape(row.used)]
+        table.add_row(escape(row.name), *numbers, *seen, _rounded(row.seconds, 1), escape(row.error or row.warning))
     stdout.print(table)
 
 

@@ -20,6 +20,11 @@ from track.batch.work import Row, Work, adapt_and_track, finished, run_item
 TABLE = "batch.csv"
 
 
+_LOOK_EVERY_S = 10.0
+_MEMORY = {f"distributed.worker.memory.{step}": False for step in ("target", "spill", "pause")}
+"""Dask would pause a process that holds 80 % of its share, and wait for it to let go; ours holds what it works with."""
+
+
 def run_batch(
     items: Sequence[Item],
     out: Path,
@@ -73,16 +78,35 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _results(client: Any, items: Sequence[Item], out: Path, work: Work, retries: int) -> Iterator[Row]:
-    """Rows as they come in."""
+    """Rows as they come in.
+
+    Raises:
+        BatchError: all processes have stopped taking work.
+    """
+    from distributed import TimeoutError as NotYet
     from distributed import as_completed
 
     names = {
         client.submit(run_item, item, out / item.name, work, retries=retries, pure=False): item.name for item in items
     }
-    for future in as_completed(list(names), loop=client.loop):
-        name = names.pop(future)  # forgotten here, so that Dask does not make it anew when a process dies later
-        error = future.exception()
-        yield future.result() if error is None else Row(name, error=_one_line(error))
+    while names:
+        try:
+            for future in as_completed(list(names), loop=client.loop, timeout=_LOOK_EVERY_S):
+                name = names.pop(future)  # forgotten here, so that Dask does not make it anew when a process dies later
+                error = future.exception()
+                yield future.result() if error is None else Row(name, error=_one_line(error))
+        except NotYet:
+            _refuse_if_paused(client)
+
+
+def _refuse_if_paused(client: Any) -> None:
+    """Raise BatchError where no process takes work any more, for want of memory: it would be waited for for ever."""
+    workers = client.scheduler_info()["workers"].values()
+    if workers and all(worker["status"] == "paused" for worker in workers):
+        raise BatchError(
+            f"all {len(workers)} processes are paused: each holds over 80 % of the memory it may",
+            remedy="give each more memory, or use fewer; the same command goes on with what is left",
+        )
 
 
 def _one_line(error: BaseException) -> str:
@@ -109,7 +133,7 @@ def _client(scheduler: str | None, workers: int, retries: int) -> Iterator[Any]:
             yield client
         return
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": retries}),
+        dask.config.set({"distributed.scheduler.allowed-failures": retries, **_MEMORY}),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

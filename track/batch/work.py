@@ -33,6 +33,8 @@ class Row:
     lost: int = 0
     residual_mm: float | None = None  # median over the tracked frames of the median distance of skin and cloud
     hidden: str = ""  # "bone count" of each bone that does not show in so many of the tracked frames
+    used: str = ""  # "sensor used/total" of each sensor's frames
+    warning: str = ""  # what a person should look at
     seconds: float | None = None  # of the run that finished it
     error: str = ""
 
@@ -75,7 +77,7 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     from adapt.anatomy import load_anatomy
     from adapt.run import adapt_into
     from adapt.subject import load_subject
-    from capture.recording import Region, open_recording
+    from capture.recording import Region, frames_used, open_recording
     from track.run import track_recording
 
     recording = _calibrated(open_recording(item.recording))
@@ -84,7 +86,8 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     if item.subject is None and not subject_file.is_file():
         adapt_into(subject_file, recording, load_anatomy(item.anatomy), region=region)
     subject = load_subject(subject_file, anatomy=item.anatomy)
-    return _row(item.name, track_recording(recording, subject, folder / "motion", region=region))
+    motion = track_recording(recording, subject, folder / "motion", region=region)
+    return _row(item.name, motion, subject, frames_used(recording))
 
 
 def _calibrated(recording: Recording) -> Recording:
@@ -111,8 +114,11 @@ def _calibrated(recording: Recording) -> Recording:
     return open_recording(recording.path)
 
 
-def _row(name: str, motion) -> Row:  # type: ignore[no-untyped-def]
+def _row(name: str, motion, subject, used) -> Row:  # type: ignore[no-untyped-def]
     import numpy as np
+
+    from adapt.subject import doubts
+    from capture.recording import used_in_words
 
     tracked = motion.tracked
     counts = {
@@ -124,6 +130,8 @@ def _row(name: str, motion) -> Row:  # type: ignore[no-untyped-def]
         lost=int((~tracked).sum()),
         residual_mm=round(1e3 * float(np.median(motion.residuals[tracked])), 3) if tracked.any() else None,
         hidden=", ".join(f"{bone} {count}" for bone, count in counts.items() if count),
+        used=", ".join(f"{one.sensor} {one.used}/{one.total}" for one in used),
+        warning="; ".join(line for line in [*used_in_words(used)[1:], *doubts(subject)]),
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.coordinate_columns import coordinate_column, refuse_outside_range, says_degrees
 from adapt.mirror import mirrored_coordinate, mirrored_name
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.model.handles import affine_set
@@ -143,21 +144,27 @@ def _liveliest(thetas: Floats, count: int) -> Floats:
 def read_motion_table(path: Path, body: Body) -> Performance:
     """A performance from a CSV file: ``time`` (s) and coordinates (rad, m) by name; the rest stays at rest.
 
-    Lines that begin with ``#`` are comments; columns that are no coordinates of the anatomy are passed over.
+    Lines that begin with ``#`` are comments; columns that are no coordinates of the anatomy are passed over. Names that
+    end in ``_deg`` are in degrees (``adapt.coordinate_columns``).
 
     Raises:
-        PerformanceError: missing file, no time, no known coordinate, not numbers, or times that do not increase.
+        PerformanceError: missing file, no time, no known coordinate, not numbers, times that do not increase, or values
+            far outside a joint's range.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:  # spreadsheets begin with a byte order mark
-            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
-    except (OSError, UnicodeDecodeError) as error:
+            lines = [line for line in file if line.strip()]
+            rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise PerformanceError("cannot be read as a table", where=path, remedy="give a CSV file") from error
-    valid = [coordinate.name for coordinate in body.anatomy.coordinates]
     header = [name.strip() for name in rows[0]] if rows else []
-    if "time" not in header or not set(header) & set(valid):
+    degrees = says_degrees(line for line in lines if line.startswith("#"))
+    found = [(k, coordinate_column(body.anatomy, name, degrees=degrees)) for k, name in enumerate(header)]
+    columns = {k: column for k, column in found if column is not None}
+    if "time" not in header or not columns:
+        valid = ", ".join(coordinate.name for coordinate in body.anatomy.coordinates)
         raise PerformanceError(
-            "no column `time`, or none that is a coordinate", where=path, remedy=f"name columns {', '.join(valid)}"
+            "no column `time`, or none that is a coordinate", where=path, remedy=f"name columns {valid}"
         )
     try:
         table = np.array([[float(cell) for _, cell in zip(header, row, strict=True)] for row in rows[1:]])
@@ -170,8 +177,18 @@ def read_motion_table(path: Path, body: Body) -> Performance:
     times = table[:, header.index("time")]
     if not np.isfinite(table).all() or (np.diff(times) <= 0.0).any():
         raise PerformanceError("values must be finite and times increase", where=path, remedy="mend the table")
-    columns = {name: table[:, k] for k, name in enumerate(header) if name in valid}
-    return Performance(body, times, _theta(body, columns, len(table)))
+    values = {column.index: column.factor * table[:, k] for k, column in columns.items()}
+    for column in columns.values():
+        refuse_outside_range(
+            body.anatomy,
+            column,
+            values[column.index],
+            error=PerformanceError,
+            where=path,
+            row=lambda k: f"at {times[k]:g} s",
+        )
+    names = {column.index: body.anatomy.coordinates[column.index].name for column in columns.values()}
+    return Performance(body, times, _theta(body, {names[i]: value for i, value in values.items()}, len(table)))
 
 
 def _theta(body: Body, columns: dict[str, Floats], count: int) -> Floats:

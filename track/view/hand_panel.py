@@ -25,7 +25,8 @@ class HandPanel:
     """Sliders in the GUI's current place. ``changed`` is called when there is another pose to show.
 
     ``frame`` tells the frame that is shown, ``start`` the pose (n,) that setting begins from, ``fit`` what becomes of a
-    pose (n,) when it is fitted to the frame's points.
+    frame's pose (n,) when it is fitted to that frame's points. A pose set by hand belongs to the frame it was set for:
+    on another one it is neither shown nor saved.
     """
 
     def __init__(
@@ -36,13 +37,14 @@ class HandPanel:
         *,
         frame: Callable[[], int],
         start: Callable[[], Floats],
-        fit: Callable[[Floats], TrackedFrame],
+        fit: Callable[[int, Floats], TrackedFrame],
         changed: Callable[[], None],
     ) -> None:
         self._server, self._anatomy, self._path = server, anatomy, path
         self._frame, self._start, self._fitted, self._changed = frame, start, fit, changed
         self._poses = {pose.frame: pose for pose in read_poses(path, anatomy)} if path.exists() else {}
         self._theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])
+        self._of: int | None = None  # the frame that the pose was set for
         self._before_fit: Floats | None = None
         self._setting = False
         self._on = server.gui.add_checkbox(
@@ -73,8 +75,12 @@ class HandPanel:
 
     @property
     def theta(self) -> Floats | None:
-        """The pose (n,) set by hand, if it is to be shown."""
-        return self._theta.copy() if self._on.value else None
+        """The pose (n,) set by hand for the frame that is shown, if it is to be shown."""
+        return self._theta.copy() if self._on.value and self._is_of_this_frame else None
+
+    @property
+    def _is_of_this_frame(self) -> bool:
+        return self._of == self._frame()
 
     def _slider(self, coordinate: Coordinate) -> Any:
         low, high = as_shown(coordinate, coordinate.low), as_shown(coordinate, coordinate.high)
@@ -93,21 +99,22 @@ class HandPanel:
             self._changed()
 
     def _begin(self) -> None:
-        kept = self._poses.get(self._frame())
+        self._of = self._frame()
+        kept = self._poses.get(self._of)
         self._set(self._start() if kept is None else kept.theta)
-        self._name.value = f"frame {self._frame()}" if kept is None else kept.name
+        self._name.value = f"frame {self._of}" if kept is None else kept.name
         self._forget_fit()
         self._changed()
 
     def _fit_from_here(self) -> None:
         """Replace the pose by the one that is reached from it, if that fits; it can be undone."""
-        if not self._on.value:
+        if not self._on.value or not self._is_of_this_frame:
             self._on.value = True
             self._begin()
-        set_by_hand = self._theta.copy()
+        frame, set_by_hand = self._frame(), self._theta.copy()
         self._fit.disabled, self._said.content = True, "Fitting ..."
         try:
-            found = self._fitted(set_by_hand)
+            found = self._fitted(frame, set_by_hand)
         except BonetrackError as error:
             self._said.content = f"**Not fitted**: {error}"
             return
@@ -117,12 +124,13 @@ class HandPanel:
             self._said.content = f"**Not fitted**: {found.lost}. Set the pose nearer to the points, and fit again."
             return
         self._set(found.theta)
+        self._of = frame  # whichever frame is shown by now
         self._before_fit, self._undo.disabled = set_by_hand, False
         self._said.content = _fit_in_words(found, self._anatomy)
         self._changed()
 
     def _undo_fit(self) -> None:
-        if self._before_fit is not None:
+        if self._before_fit is not None and self._is_of_this_frame:
             self._set(self._before_fit)
             self._forget_fit()
             self._changed()
@@ -152,6 +160,9 @@ class HandPanel:
     def _slid(self) -> None:
         if self._setting:
             return
+        if not self._is_of_this_frame:
+            self._begin()
+            return
         pairs = zip(self._sliders, self._anatomy.coordinates, strict=True)
         values = np.array([from_shown(coordinate, float(slider.value)) for slider, coordinate in pairs])
         # A slider holds a rounded value: only those that a person moved count.
@@ -162,6 +173,9 @@ class HandPanel:
 
     def _dragged(self) -> None:
         if self._setting:
+            return
+        if not self._is_of_this_frame:
+            self._begin()
             return
         turn, shift = _free(self._anatomy, self._root)
         theta = self._theta.copy()
@@ -177,6 +191,10 @@ class HandPanel:
 
     def _keep(self) -> None:
         frame = self._frame()
+        if frame != self._of:
+            told = "no pose was set yet" if self._of is None else f"the pose was set for frame {self._of}"
+            self._told.content = f"**Not saved**: {told}, and this is frame {frame}. Begin from the pose of this frame."
+            return
         others = {number: pose for number, pose in self._poses.items() if number != frame}
         pose = HandPose(self._name.value.strip() or f"frame {frame}", frame, self._theta.copy())
         try:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from adapt.model.body import rest_theta
-from adapt.subject import Subject
+from adapt.subject import Subject, doubts
 from capture.files import replaced_when_complete
-from capture.recording import Recording
+from capture.recording import FramesUsed, Recording, used_in_words
 from capture.settings import version_of, versions
 from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
@@ -50,7 +50,7 @@ def write_report(motion: Motion, subject: Subject, recording: Recording | None, 
         ("Versions and settings", _versions(scene)),
         ("Limits", bullets(_LIMITS)),
     ]
-    text = page(f"Tracked motion, {motion.anatomy}", _lead(scene), sections)
+    text = page(f"Tracked motion, {motion.anatomy}", f"{_lead(scene)} {_doubts(scene, subject)}".strip(), sections)
     with replaced_when_complete(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
@@ -64,6 +64,14 @@ def _lead(scene: Scene) -> str:
         middle = 1e3 * float(np.median(motion.residuals[motion.tracked]))
         words += f" Skin and points are {middle:.2f} mm apart (median)."
     return words
+
+
+def _doubts(scene: Scene, subject: Subject) -> str:
+    """What could not be told, and which sensors' frames were used."""
+    settings = _motion(scene).settings
+    used = [] if settings is None else [FramesUsed(**one) for one in settings.options.get("frames_used", [])]
+    told = [*doubts(subject), *(used_in_words(used) if used else [])]
+    return escape(" ".join(f"{line[:1].upper()}{line[1:]}." for line in told))
 
 
 def _subject(subject: Subject) -> str:

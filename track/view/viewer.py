@@ -19,6 +19,7 @@ from track.fit_from_hand import fit_from_hand
 from track.tracker import TrackedFrame, Tracker, make_tracker
 from track.view.angle_charts import LEGEND, AngleCharts
 from track.view.frames import FrameContent, FrameStore, SeenPoints, Single, distances, pose_body, truth_of
+from track.view.guard import guarded
 from track.view.hand_panel import HandPanel
 from track.view.layers import FAR_M, LARGEST_ERROR_M, LAYERS, Layers, first_eye, set_eye
 from track.view.scene import Scene
@@ -47,7 +48,7 @@ def start_server(*, host: str = LOOPBACK, port: int = PORT) -> viser.ViserServer
         import viser
     except ImportError as error:
         raise ViewError("the viewer needs viser", remedy="pip install 'bonetrack[view]'") from error
-    with redirect_stdout(StringIO()):  # it would greet with a box of its own
+    with redirect_stdout(StringIO()), guarded(host):  # it would greet with a box of its own
         return viser.ViserServer(host=host, port=port, verbose=False)
 
 
@@ -175,14 +176,14 @@ class Viewer:
         start = thetas[known[np.abs(known - self.timeline.frame).argmin()]] if len(known) else subject.thetas[0]
         return np.asarray(start)
 
-    def _fit(self, theta: Floats) -> TrackedFrame:
-        """What tracking makes of the frame that is shown, from the pose theta (n,)."""
+    def _fit(self, number: int, theta: Floats) -> TrackedFrame:
+        """What tracking makes of the recording's frame of that number, from the pose theta (n,)."""
         scene = self.scene
         if scene.subject is None or scene.recording is None or scene.moments is None:
             raise ViewError("there is nothing to fit to", remedy="give --subject and --recording")
         if self._tracker is None:
             self._tracker = make_tracker(scene.subject)
-        region, moment = self._region or scene.region, scene.moments[self.timeline.frame]
+        region, moment = self._region or scene.region, scene.moments[list(scene.numbers).index(number)]
         return fit_from_hand(self._tracker, scene.recording, moment, theta, region=region)
 
     def _quick(self, k: int) -> FrameContent:
