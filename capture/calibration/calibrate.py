@@ -90,6 +90,36 @@ def calibrate_recording(recording: Recording) -> Calibration:
     )
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """How a sensor's clouds lie on those of the sensors before it.
+
+    ``apart`` is None where they show no common surface; ``score`` says whether they confirm each other, in [-1, 1]:
+    below 0 one saw through more of what the other saw than they agree on.
+    """
+
+    apart: Apart | None
+    score: float
+
+
+def cloud_agreement(recording: Recording, poses: Mapping[str, Floats]) -> dict[str, Agreement]:
+    """How the clouds of each sensor at ``poses`` (4, 4) agree with those before it; the first agrees with itself.
+
+    Raises:
+        CalibrationError: no two sensors saw anything at the same time.
+    """
+    names = [sensor.name for sensor in recording.sensors]
+    if len(names) == 1:
+        return {names[0]: Agreement(None, 1.0)}
+    looks = _looks(recording)
+    distances = _distances(recording, looks, poses, refusing=False)
+    before = {name: {other: poses[other] for other in names[:number]} for number, name in enumerate(names)}
+    return {
+        name: Agreement(distances.get(name), _score(looks, name, poses[name], before[name]) if before[name] else 1.0)
+        for name in names
+    }
+
+
 def write_calibration(recording: Recording, calibration: Calibration) -> None:
     """Keep a calibration in the recording's folder, where ``open_recording`` finds it."""
     write_calibration_file(recording.path, calibration)
@@ -211,11 +241,13 @@ def _resolved(
     return poses, margins
 
 
-def _distances(recording: Recording, looks: list[dict[str, _Look]], poses: Mapping[str, Floats]) -> dict[str, Apart]:
+def _distances(
+    recording: Recording, looks: list[dict[str, _Look]], poses: Mapping[str, Floats], *, refusing: bool = True
+) -> dict[str, Apart]:
     """How far the clouds of each sensor but the first lie from those of one before it, the worst of all.
 
     Raises:
-        CalibrationError: too far.
+        CalibrationError: too far, and that is to be refused.
     """
     seen = [{name: surface(look.depth, look.camera) for name, look in moment.items()} for moment in looks]
     names = [sensor.name for sensor in recording.sensors]
@@ -226,7 +258,8 @@ def _distances(recording: Recording, looks: list[dict[str, _Look]], poses: Mappi
             distance = apart(pairs, inverse(poses[other]) @ poses[name]) if pairs else None
             if distance is None:
                 continue
-            _refuse_far(recording, name, other, distance)
+            if refusing:
+                _refuse_far(recording, name, other, distance)
             if name not in found or distance.distance_m > found[name].distance_m:
                 found[name] = distance
     return found
