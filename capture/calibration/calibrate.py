@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from capture.calibration.agreement import Apart, apart, surface
 from capture.calibration.box import BoxFit, displacement, find_box, symmetries
@@ -95,11 +96,13 @@ class Agreement:
     """How a sensor's clouds lie on those of the sensors before it.
 
     ``apart`` is None where they show no common surface; ``score`` says whether they confirm each other, in [-1, 1]:
-    below 0 one saw through more of what the other saw than they agree on.
+    below 0 one saw through more of what the other saw than they agree on. ``gap_m`` is how far its points stay from
+    theirs at the least.
     """
 
     apart: Apart | None
     score: float
+    gap_m: float
 
 
 def cloud_agreement(recording: Recording, poses: Mapping[str, Floats]) -> dict[str, Agreement]:
@@ -110,14 +113,26 @@ def cloud_agreement(recording: Recording, poses: Mapping[str, Floats]) -> dict[s
     """
     names = [sensor.name for sensor in recording.sensors]
     if len(names) == 1:
-        return {names[0]: Agreement(None, 1.0)}
+        return {names[0]: Agreement(None, 1.0, 0.0)}
     looks = _looks(recording)
     distances = _distances(recording, looks, poses, refusing=False)
     before = {name: {other: poses[other] for other in names[:number]} for number, name in enumerate(names)}
-    return {
-        name: Agreement(distances.get(name), _score(looks, name, poses[name], before[name]) if before[name] else 1.0)
-        for name in names
-    }
+    found = {names[0]: Agreement(None, 1.0, 0.0)}
+    for name in names[1:]:
+        score = _score(looks, name, poses[name], before[name])
+        found[name] = Agreement(distances.get(name), score, _gap(looks, name, poses[name], before[name]))
+    return found
+
+
+def _gap(looks: list[dict[str, _Look]], name: str, pose: Floats, poses: Mapping[str, Floats]) -> float:
+    """The least distance (m) between a sensor's points at ``pose`` (4, 4) and those of the others; inf without any."""
+    gap = np.inf
+    for look in looks:
+        for other in poses.keys() & look.keys() if name in look else ():
+            if len(look[name].points) and len(look[other].points):
+                tree = cKDTree(apply(poses[other], look[other].points))
+                gap = min(gap, float(tree.query(apply(pose, look[name].points))[0].min()))
+    return gap
 
 
 def write_calibration(recording: Recording, calibration: Calibration) -> None:

@@ -24,6 +24,7 @@ LARGEST_APART_M = 0.02
 """Clouds of one surface that lie farther apart than this are not where the matrices say."""
 _LARGEST_FILE = 1 << 20
 _RIGID = 1e-3
+_MEET_M = 0.2  # clouds of one person, from whichever sides, come as near as this
 _REMEDY = "give world_from_sensor, 4 x 4 in metres, by each sensor's name (docs/own-recording.md)"
 _INVERSE = "sensor_from_world"
 
@@ -39,8 +40,12 @@ def calibrate_by_file(recording: Recording, file: Path) -> Calibration:
     for name, agreement in cloud_agreement(recording, poses).items():
         distance = agreement.apart
         far = distance is not None and distance.distance_m > LARGEST_APART_M + 2.0 * distance.deviation_m
-        if far or agreement.score < 0.0:
-            told = f"{1e3 * distance.distance_m:.0f} mm apart" if distance is not None else "where they contradict"
+        if far or agreement.score < 0.0 or agreement.gap_m > _MEET_M:
+            told = "where they contradict each other"
+            if distance is not None:
+                told = f"{1e3 * distance.distance_m:.0f} mm apart"
+            elif agreement.gap_m > _MEET_M:
+                told = f"{agreement.gap_m:.2f} m apart"
             raise CalibrationError(
                 f"puts the clouds of {name!r} and of the sensors before it {told}",
                 where=file,

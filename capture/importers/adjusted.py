@@ -1,4 +1,4 @@
-"""What a user states of a source's depth, applied on the way in: raw disparity of a first Kinect, the range to trust."""
+"""What a user states of a source's depth, applied on the way in: a first Kinect's raw disparity, the range to trust."""
 
 from __future__ import annotations
 

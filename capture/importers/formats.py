@@ -9,6 +9,7 @@ from pathlib import Path
 from capture.errors import RecordingError
 from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, tables
 from capture.importers.adjusted import adjusted
+from capture.importers.mirror import unmirrored
 from capture.importers.source import Source, Stated
 from capture.recording.depth_png import refuse_lfs_pointer
 from capture.recording.types import HEADER_FILE
@@ -90,7 +91,9 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
         raise RecordingError("is a folder", where=path, remedy=f"name the {chosen.suffixes[0]} file in it")
     if path.is_file() and not chosen.files:
         raise RecordingError("is a file", where=path, remedy=f"a recording laid out like {chosen.name} is a folder")
-    return adjusted(chosen.open(path, stated), stated)
+    source = adjusted(chosen.open(path, stated), stated)
+    # A file that says itself that its images are mirrored has been turned back by its reader, which is once enough.
+    return unmirrored(source, path) if stated.mirrored and not source.sensor.mirrored else source
 
 
 def _refuse_what_is_none(path: Path) -> None:

@@ -99,7 +99,7 @@ def refuse_unusable(seen: Readings, stated: Stated, where: Path) -> None:
     near, far = seen.sensor.depth_range_m
     typical = seen.median * seen.sensor.depth_unit_m
     raise RecordingError(
-        f"has {100 * seen.usable / seen.read:.0f} % of its readings between {near:g} and {far:g} m, the sensor's range; "
+        f"has {100 * seen.usable / seen.read:.0f} % of its readings in the sensor's range, {near:g} to {far:g} m; "
         f"typical is {typical:.3g} m",
         where=where,
         remedy=f"{_likely_unit(seen)}state --unit-mm, or another --depth-range",

@@ -84,7 +84,7 @@ def import_recording(
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path, k), path) for k, path in enumerate(listed)]
     shifts, told = _shifts(listed, names, starts, offset, opened)
-    what = " and ".join(f"{path.name}, times by {source.times}" for path, source in zip(listed, sources, strict=True))
+    what = " and ".join(_in_words(path, source) for path, source in zip(listed, sources, strict=True))
     told += [f"{name}: {seen.in_words()}" for name, seen in zip(names, looked, strict=True)]
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
@@ -108,6 +108,12 @@ def _stated_of(stated: Stated | Sequence[Stated] | None, count: int, out: Path) 
             f"{count} sources, and {len(stated)} cameras are stated", where=out, remedy="state one for all, or one each"
         )
     return list(stated) * (count if len(stated) == 1 else 1)
+
+
+def _in_words(path: Path, source: Source) -> str:
+    """What a source is and how it was taken, for who looks at the recording later."""
+    turned = ", mirrored by the driver and turned back" if source.sensor.mirrored else ""
+    return f"{path.name}{turned}, times by {source.times}"
 
 
 def _first_time(source: Source, path: Path) -> float:

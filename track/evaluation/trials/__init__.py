@@ -1,1 +1,1 @@
-"""What people really bring, made synthetic: each situation in a few lines, run as a user would, and judged by the truth."""
+"""What people really bring, made synthetic: in a few lines each, run as a user would, judged by the truth."""

@@ -124,23 +124,45 @@ SITUATIONS = (
     Situation("a sound left arm", "right", partial(sound, anatomy=mirrored_name(ARM))),
     Situation("a sound right leg", "right", partial(sound, anatomy=LEG)),
     Situation("a sound left leg", "right", partial(sound, anatomy=mirrored_name(LEG))),
-    Situation("a left arm asked of a right one", "87 of 87 tracked, forearm off by 83 degrees", partial(wrong_side, anatomy=ARM)),
-    Situation("a left leg asked of a right one", "tracked; a real left foot fitted better as a right one", partial(wrong_side, anatomy=LEG)),
-    Situation("all images mirrored by the driver", "80 of 80 tracked, forearm off by 72 degrees", partial(mirrored_images, anatomy=ARM)),
+    Situation(
+        "a left arm asked of a right one",
+        "87 of 87 tracked, forearm off by 83 degrees",
+        partial(wrong_side, anatomy=ARM),
+    ),
+    Situation(
+        "a left leg asked of a right one",
+        "tracked; a real left foot fitted better as a right one",
+        partial(wrong_side, anatomy=LEG),
+    ),
+    Situation(
+        "all images mirrored by the driver",
+        "80 of 80 tracked, forearm off by 72 degrees",
+        partial(mirrored_images, anatomy=ARM),
+    ),
     Situation("all images mirrored, a leg", "not tried", partial(mirrored_images, anatomy=LEG)),
     Situation("one sensor's images mirrored", "not tried", one_mirrored),
-    Situation("a therapist holds the patient's wrist", "the therapist's arm adapted, elbow off by 32 degrees", held_wrist),
+    Situation(
+        "a therapist holds the patient's wrist", "the therapist's arm adapted, elbow off by 32 degrees", held_wrist
+    ),
     Situation("two right arms side by side", "not tried", two_arms),
     Situation("a furnished room, no region", "the region became the room, an arm lay on a wall", furnished_room),
-    Situation("a child, 0.60 of the template", "refused: only 0 skin vertices", partial(sound, anatomy=ARM, scale=0.60)),
-    Situation("a child, 0.62 of the template", "tracked, forearm off by 21 degrees", partial(sound, anatomy=ARM, scale=0.62)),
+    Situation(
+        "a child, 0.60 of the template", "refused: only 0 skin vertices", partial(sound, anatomy=ARM, scale=0.60)
+    ),
+    Situation(
+        "a child, 0.62 of the template", "tracked, forearm off by 21 degrees", partial(sound, anatomy=ARM, scale=0.62)
+    ),
     Situation("a child, 0.72 of the template", "refused: which nobody is", partial(sound, anatomy=ARM, scale=0.72)),
     Situation("a child's leg, 0.65 of the template", "not tried", partial(sound, anatomy=LEG, scale=0.65)),
     Situation("a very tall man, 1.25", "not tried", partial(sound, anatomy=ARM, scale=1.25)),
     Situation("a hand is missing", "wrist 37 mm off and claimed in every frame", no_hand),
     Situation("raw Kinect disparity as millimetres", "a subject with all sizes 1.30 is written", disparity),
-    Situation("focal length 0.8 of the true", "some first poses are wrong, which they were not", partial(focal_length, factor=0.8)),
+    Situation(
+        "focal length 0.8 of the true",
+        "some first poses are wrong, which they were not",
+        partial(focal_length, factor=0.8),
+    ),
     Situation("focal length 1.25 of the true", "not tried", partial(focal_length, factor=1.25)),
     Situation("depth ten times too large", "not tried", partial(depth_unit, factor=2.0)),
     Situation("depth half of the true", "not tried", partial(depth_unit, factor=0.5)),
-)  # fmt: skip
+)
