@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -90,18 +90,7 @@ def _span(seconds: tuple[float, float] | None, option: str) -> tuple[float, floa
     return seconds
 
 
-_FORMAT_NAMES = (
-    "azure-kinect",
-    "realsense-bag",
-    "realsense-db3",
-    "openni",
-    "tum",
-    "redwood",
-    "clouds",
-    "png",
-    "table",
-    "raw",
-)
+_FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tum", "redwood", "clouds", "png", "raw")
 
 
 @click.command("import")
@@ -118,48 +107,25 @@ _FORMAT_NAMES = (
 @click.option("--width", type=click.IntRange(1, 16384), default=640, show_default=True, help="Columns of a raw image.")
 @click.option("--height", type=click.IntRange(1, 16384), default=480, show_default=True, help="Rows of a raw image.")
 @click.option(
-    "--fx",
-    type=click.FloatRange(0, min_open=True),
-    multiple=True,
-    help="Focal length (px), of all or once for each SOURCE [default: the file's].",
+    "--fx", type=click.FloatRange(0, min_open=True), default=None, help="Focal length (px) [default: the file's]."
 )
 @click.option(
-    "--fy", type=click.FloatRange(0, min_open=True), multiple=True, help="The same down the image [default: fx]."
+    "--fy", type=click.FloatRange(0, min_open=True), default=None, help="The same down the image [default: fx]."
 )
-@click.option("--cx", type=float, multiple=True, help="Principal point (px) [default: the image's middle].")
-@click.option("--cy", type=float, multiple=True, help="Principal point (px) [default: the image's middle].")
-@click.option("--distortion", multiple=True, help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
+@click.option("--cx", type=float, default=None, help="Principal point (px) [default: the image's middle].")
+@click.option("--cy", type=float, default=None, help="Principal point (px) [default: the image's middle].")
+@click.option("--distortion", default="", help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
 @click.option(
     "--unit-mm",
     type=click.FloatRange(0, min_open=True),
-    multiple=True,
-    help="One reading's unit (mm), of all or once for each SOURCE [default: the file's, or 1].",
+    default=None,
+    help="One reading's unit (mm) [default: the file's, or 1].",
 )
 @click.option(
     "--fps",
     type=click.FloatRange(0, min_open=True),
     default=None,
     help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
-)
-@click.option(
-    "--depth-range",
-    type=click.FloatRange(0),
-    nargs=2,
-    default=None,
-    metavar="NEAR FAR",
-    help="Readings to trust (m) [default: 0.2 4].",
-)
-@click.option("--kinect-disparity", is_flag=True, help="Readings are a first Kinect's raw 11-bit disparity.")
-@click.option(
-    "--axes", default=None, help="Of point clouds, such as x-right,y-up,z-back [default: the file's, or ours]."
-)
-@click.option(
-    "--extrinsics", type=_PATH, default=None, help="Where the sensors stand: 4 x 4 matrices (JSON, text, OpenCV YAML)."
-)
-@click.option(
-    "--mirrored",
-    is_flag=True,
-    help="The driver mirrored the images (libfreenect2 and OpenNI do): turn them, and the camera, back.",
 )
 @click.option(
     "--sensor", multiple=True, help="A sensor's name, once for each SOURCE [default: sensor, or sensor-1, ...]."
@@ -184,18 +150,13 @@ def import_command(
     pattern: str | None,
     width: int,
     height: int,
-    fx: tuple[float, ...],
-    fy: tuple[float, ...],
-    cx: tuple[float, ...],
-    cy: tuple[float, ...],
-    distortion: tuple[str, ...],
-    unit_mm: tuple[float, ...],
+    fx: float | None,
+    fy: float | None,
+    cx: float | None,
+    cy: float | None,
+    distortion: str,
+    unit_mm: float | None,
     fps: float | None,
-    depth_range: tuple[float, float] | None,
-    kinect_disparity: bool,
-    axes: str | None,
-    mirrored: bool,
-    extrinsics: Path | None,
     sensor: tuple[str, ...],
     offset: str,
     box: tuple[float, float, float] | None,
@@ -213,25 +174,19 @@ def import_command(
     """
     from capture.importers import Stated, import_recording
 
-    if not fx and (fy or cx or cy or distortion):
+    if fx is None and (fy is not None or cx is not None or cy is not None or distortion):
         raise click.BadParameter("is needed where another part of the camera is stated", param_hint="--fx")
-    if depth_range is not None and not depth_range[0] < depth_range[1]:
-        raise click.BadParameter("the first must be smaller than the second", param_hint="--depth-range")
-    cameras = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": [_distortion(text) for text in distortion]}
-    cameras["depth_unit_m"] = [value / 1000.0 for value in unit_mm]
-    stated = [
-        Stated(
-            **given,
-            size=(width, height),
-            fps=fps,
-            pattern=pattern,
-            depth_range_m=depth_range,
-            kinect_disparity=kinect_disparity,
-            axes=axes,
-            mirrored=mirrored,
-        )
-        for given in _of_each(cameras, len(sources))
-    ]
+    stated = Stated(
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        distortion=_distortion(distortion),
+        size=(width, height),
+        depth_unit_m=None if unit_mm is None else unit_mm / 1000.0,
+        fps=fps,
+        pattern=pattern,
+    )
     with stdout.status("importing") as status:
         recording = import_recording(
             sources,
@@ -246,32 +201,6 @@ def import_command(
             progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
         )
     _print_imported(recording)
-    if extrinsics is not None:
-        _calibrate_by_file(recording, extrinsics)
-
-
-def _of_each(options: dict[str, Sequence[Any]], count: int) -> list[dict[str, Any]]:
-    """What is stated of each of so many sources: options given once hold for all.
-
-    Raises:
-        click.BadParameter: an option is given neither once nor once for each.
-    """
-    for name, values in options.items():
-        if len(values) not in (0, 1, count):
-            hint = f"--{'unit-mm' if name == 'depth_unit_m' else name}"
-            raise click.BadParameter(f"give it once, or once for each of the {count} sources", param_hint=hint)
-    return [
-        {name: values[k if len(values) > 1 else 0] for name, values in options.items() if values} for k in range(count)
-    ]
-
-
-def _calibrate_by_file(recording: Recording, file: Path) -> None:
-    from capture.calibration.calibrate import write_calibration
-    from capture.calibration.extrinsics import calibrate_by_file
-
-    calibration = calibrate_by_file(recording, file)
-    write_calibration(recording, calibration)
-    _print_calibration(calibration)
 
 
 def _offset(text: str) -> Literal["motion", "clock"] | float:
@@ -352,21 +281,12 @@ def record_command(
 
 @click.command("calibrate")
 @click.argument("recording", type=_PATH)
-@click.option(
-    "--extrinsics",
-    type=_PATH,
-    default=None,
-    help="4 x 4 matrices of a calibration of your own (JSON, text, OpenCV YAML), instead of the box.",
-)
-def calibrate_command(recording: Path, extrinsics: Path | None) -> None:
+def calibrate_command(recording: Path) -> None:
     """Find where the sensors of RECORDING stand, from its images of the calibration box."""
     from capture.calibration.calibrate import calibrate_recording, write_calibration
     from capture.recording import open_recording
 
     opened = open_recording(recording)
-    if extrinsics is not None:
-        _calibrate_by_file(opened, extrinsics)
-        return
     with stdout.status("calibrating"):
         calibration = calibrate_recording(opened)
     write_calibration(opened, calibration)

@@ -188,7 +188,7 @@ def test_faults_of_clouds_are_one_clear_line(limb, tmp_path):
     stated = Stated(fx=287.0, size=(320, 240))
     refused(write_ply(tmp_path / "b.ply", -points), tmp_path, "no points in front of the camera", stated=stated)
     for old, new, match in (
-        (b"DATA binary", b"DATA binary_compressed", "its header claims 76800"),
+        (b"DATA binary", b"DATA binary_compressed", "binary_compressed; convert"),
         (b"WIDTH 320", b"WIDTH 320000000", "claims"),
         (b"FIELDS x y", b"FIELDS a b", "no x, y and z"),
         (b"SIZE 4 4", b"SIZE 4 q", "damaged"),

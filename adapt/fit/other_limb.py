@@ -13,10 +13,10 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
-from adapt.fit.judge import ADAPTED, fits, judge_fit, shows, unexplained_points
+from adapt.fit.judge import ADAPTED, judge_fit, shows, unexplained_points
 from adapt.fit.rival_side import TOLD, SideEvidence, compare_sides
 from adapt.fit.sample import SkinSample
-from adapt.fit.score import ScoredPose
+from adapt.fit.score import ScoredPose, find_skin
 from adapt.fit.start import find_pose, try_pose
 from adapt.mirror import mirrored_name
 from adapt.model.body import Body, pose_skin
@@ -27,6 +27,9 @@ _WORTH_A_SEARCH = 0.4  # of the points that the limb explains, as many must be l
 _LEAST_IN_SIGHT = 0.25  # of a second limb's skin: less of one is a shape like others
 _MOST_ATTACHED, _MOST_VOID = 0.4, 0.15  # as of any pose found anew: laid on other surface, or in empty space
 _LEAST_BONES = 2
+_MOST_WORSE = 2.0  # times farther from the cloud than the fitted limb's skin: what fits worse is something else
+_MOST_UNEXPLAINED = 0.5  # of the cloud near a second limb: more goes on than it explains
+_ALIKE = 1.5  # a second limb of the other side fits that side about as well as the fitted one fits its own
 
 
 def other_limb(body: Body, target: Target, theta: Floats, sample: SkinSample) -> tuple[Target, ScoredPose] | None:
@@ -41,10 +44,12 @@ def other_limb(body: Body, target: Target, theta: Floats, sample: SkinSample) ->
         return None
     pose = try_pose(body, rest, sample, found.fit.theta) or found
     skin = judge_fit(body, rest, pose.fit, sample, ADAPTED)
+    first = find_skin(body, target, theta, sample).whole
     bones = sum(shows(part) for part in skin.found.bones.values())
     sound = pose.attached < _MOST_ATTACHED and pose.void < _MOST_VOID and bones >= _LEAST_BONES
     whole = skin.found.whole
-    return (rest, pose) if sound and not skin.reason and fits(whole) and whole.in_sight > _LEAST_IN_SIGHT else None
+    sound &= whole.skin_m < _MOST_WORSE * first.skin_m and skin.unexplained < _MOST_UNEXPLAINED
+    return (rest, pose) if sound and not skin.reason and whole.in_sight > _LEAST_IN_SIGHT else None
 
 
 def refuse_two_limbs(
@@ -68,8 +73,9 @@ def refuse_two_limbs(
         return
     rest, pose = second
     theirs = compare_sides(body.anatomy, [rest], pose.fit.theta[None], scale=scale)
-    if side is not None and theirs is not None and side.support > TOLD and theirs.support < -TOLD:
-        return  # the other limb is of the other side
+    if side is not None and theirs is not None and side.told and theirs.support < -TOLD:
+        if theirs.other_m < _ALIKE * side.asked_m:
+            return  # the other limb is of the other side
     places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
     raise FitError(
         f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",

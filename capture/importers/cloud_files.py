@@ -5,12 +5,11 @@ Sources: the Point Cloud Library's page on the PCD format, version 0.7; G. Turk'
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from capture._open3d import open3d
 from capture.errors import RecordingError
 from capture.importers.source import damaged
 from capture.recording.depth_png import LARGEST_PIXELS
@@ -33,16 +32,6 @@ class Points:
     size: tuple[int, int] | None
 
 
-def says_realsense(file: Path) -> bool:
-    """Whether a .ply file's header says that RealSense's SDK or viewer wrote it."""
-    try:
-        with file.open("rb") as opened:
-            head = opened.read(_LARGEST_HEADER).partition(b"end_header")[0]
-    except OSError:
-        return False  # reading it will say so
-    return head.startswith(b"ply") and b"realsense" in head.lower()
-
-
 def read_points(file: Path) -> Points:
     """The points of a ``.pcd`` or ``.ply`` file.
 
@@ -56,8 +45,6 @@ def read_points(file: Path) -> Points:
                 layout, begin = _ply_layout(head)
             else:
                 layout, begin = _pcd_layout(head)
-            if layout.compressed:
-                return Points(_uncompressed(file, layout.count), layout.size)
             opened.seek(begin)
             data = opened.read(layout.count * _LARGEST_POINT_BYTES)
         return Points(layout.coordinates(data), layout.size)
@@ -76,7 +63,6 @@ class _Layout:
     count: int
     as_text: bool
     size: tuple[int, int] | None
-    compressed: bool = False
 
     def coordinates(self, data: bytes) -> Floats:
         names = [name for name, _ in self.fields]
@@ -129,21 +115,11 @@ def _pcd_layout(head: bytes) -> tuple[_Layout, int]:
         for _ in range(min(max(count, 0), _LARGEST_POINT_BYTES + 1))
     ]
     coding = said["DATA"][0]
-    if coding not in ("ascii", "binary", "binary_compressed"):
+    if coding not in ("ascii", "binary"):
         raise ValueError(f"its coding is {coding}; convert it to binary, with pcl_convert_pcd_ascii_binary or alike")
     width, height = int(said["WIDTH"][0]), int(said["HEIGHT"][0])
     size = (width, height) if height > 1 else None
-    layout = _layout(fields, width * height, as_text=coding == "ascii", size=size)
-    return replace(layout, compressed=coding == "binary_compressed"), begin
-
-
-def _uncompressed(file: Path, count: int) -> Floats:
-    """The points (N, 3) of a compressed .pcd file, whose header has been checked, by Open3D's reader."""
-    cloud = open3d().io.read_point_cloud(str(file), remove_nan_points=False, remove_infinite_points=False)
-    points = np.asarray(cloud.points, dtype=np.float64)
-    if len(points) != count:
-        raise ValueError(f"it holds {len(points)} points, its header claims {count}")
-    return points
+    return _layout(fields, width * height, as_text=coding == "ascii", size=size), begin
 
 
 def _ply_layout(head: bytes) -> tuple[_Layout, int]:

@@ -7,7 +7,6 @@ one pixel, the nearest counts.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,7 @@ from numpy.typing import NDArray
 
 from capture.camera import Camera, project
 from capture.errors import RecordingError
-from capture.importers.axes import REALSENSE_AXES, SENSOR_AXES, sensor_from_axes
-from capture.importers.cloud_files import Points, read_points, says_realsense
+from capture.importers.cloud_files import Points, read_points
 from capture.importers.images import RAW_SIZE, natural_order, source_files
 from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Frames, Source, Stated, check_size
 from capture.recording import Sensor
@@ -45,30 +43,20 @@ def open_clouds(source: Path, stated: Stated) -> Source:
     pattern = stated.pattern or ("*.pcd" if source.is_dir() and any(source.glob("*.pcd")) else "*.ply")
     files = natural_order(source_files(source, pattern))
     metre = 1.0 if stated.depth_unit_m is None else stated.depth_unit_m
-    axes = stated.axes or (REALSENSE_AXES if says_realsense(files[0]) else SENSOR_AXES)
-    turn = sensor_from_axes(axes)
-    first = _turned(read_points(files[0]), turn)
+    first = read_points(files[0])
     width, height = first.size or stated.size or RAW_SIZE
     check_size(width, height, where=files[0])
     own = None if first.size is None or stated.fx is not None else _fitted(first.xyz * metre, first.size, files[0])
     camera = stated.camera(width, height, own=own, where=source)
     fps = stated.fps or NOMINAL_FPS
     sensor = Sensor("sensor", camera, _READING_M, DEPTH_RANGE_M)
-    frames = _frames(files, first.size, camera, metre, fps, turn)
-    times = f"a nominal rate of {fps:g} Hz" + ("" if axes == SENSOR_AXES else f"; axes {axes}")
-    return Source(sensor, frames, times=times, count=len(files))
+    frames = _frames(files, first.size, camera, metre, fps)
+    return Source(sensor, frames, times=f"a nominal rate of {fps:g} Hz", count=len(files))
 
 
-def _turned(points: Points, sensor_from_file: Floats) -> Points:
-    with np.errstate(invalid="ignore"):
-        return replace(points, xyz=points.xyz @ sensor_from_file.T)
-
-
-def _frames(
-    files: list[Path], size: tuple[int, int] | None, camera: Camera, metre: float, fps: float, turn: Floats
-) -> Frames:
+def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, metre: float, fps: float) -> Frames:
     for index, file in enumerate(files):
-        points = _turned(read_points(file), turn)
+        points = read_points(file)
         if points.size != size:
             raise RecordingError(
                 f"is organised as {points.size}, the first cloud as {size}",
@@ -80,7 +68,7 @@ def _frames(
             raise RecordingError(
                 "has no points in front of the camera",
                 where=file,
-                remedy="points must be in metres (or state --unit-mm), x right, y down, z forward (or state --axes)",
+                remedy="points must be in metres (or state --unit-mm), x right, y down, z forward",
             )
         yield DepthFrame(index / fps, depth)
 
@@ -123,7 +111,7 @@ def _fitted(xyz: Floats, size: tuple[int, int], file: Path) -> Camera:
         problem = f"is organised, but its points are off any camera's pixels by {max(off_u, off_v):.1f} px"
         if fx > 0.0 and fy > 0.0 and max(off_u, off_v) <= _LARGEST_MISFIT_PX:
             return Camera(width, height, fx, fy, cx, cy)
-    raise RecordingError(problem, where=file, remedy="state the camera with --fx (px), or --axes")
+    raise RecordingError(problem, where=file, remedy="state the camera with --fx (px); x right, y down, z forward")
 
 
 def _line(slope: Floats, pixel: Floats) -> tuple[tuple[float, float], float]:

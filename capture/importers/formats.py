@@ -7,12 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.errors import RecordingError
-from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, tables
-from capture.importers.adjusted import adjusted
-from capture.importers.mirror import unmirrored
+from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3
 from capture.importers.source import Source, Stated
-from capture.recording.depth_png import refuse_lfs_pointer
-from capture.recording.types import HEADER_FILE
 
 _HEAD_BYTES = 64
 
@@ -61,12 +57,6 @@ FORMATS = (
         suffixes=(".png",),
         is_folder=lambda folder: any(folder.glob("*.png")),
     ),
-    Format(
-        "table",
-        tables.open_tables,
-        suffixes=(".pgm", ".csv", ".txt", ".tsv"),
-        is_folder=lambda folder: any(any(folder.glob(f"*{suffix}")) for suffix in (".pgm", ".csv", ".tsv")),
-    ),
     Format("raw", images.open_raw, is_folder=lambda folder: any(folder.iterdir())),
 )
 """In the order of trying; ``raw`` is whatever nothing else is."""
@@ -85,36 +75,20 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
         raise RecordingError("does not exist", where=path, remedy="name a sensor's file, or a folder of depth images")
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError("is an empty file", where=path, remedy="record or copy it again")
-    _refuse_what_is_none(path)
-    chosen = recognised(path, stated.pattern) if name is None else _BY_NAME[name]
+    chosen = recognised(path) if name is None else _BY_NAME[name]
     if path.is_dir() and not chosen.folders:
         raise RecordingError("is a folder", where=path, remedy=f"name the {chosen.suffixes[0]} file in it")
     if path.is_file() and not chosen.files:
         raise RecordingError("is a file", where=path, remedy=f"a recording laid out like {chosen.name} is a folder")
-    source = adjusted(chosen.open(path, stated), stated)
-    # A file that says itself that its images are mirrored has been turned back by its reader, which is once enough.
-    return unmirrored(source, path) if stated.mirrored and not source.sensor.mirrored else source
+    return chosen.open(path, stated)
 
 
-def _refuse_what_is_none(path: Path) -> None:
-    """Raise RecordingError for a recording, and for the pointer that Git LFS leaves in a file's place."""
-    if path.is_dir() and (path / HEADER_FILE).is_file():
-        raise RecordingError(
-            "is a recording already", where=path, remedy=f"use it as it is: `bonetrack calibrate {path}`, then adapt"
-        )
-    if path.is_file():
-        refuse_lfs_pointer(path)
-
-
-def recognised(path: Path, pattern: str | None = None) -> Format:
-    """The format of a file or folder that exists; of a folder, by the files that match the ``pattern``, if any do.
+def recognised(path: Path) -> Format:
+    """The format of a file or folder that exists.
 
     Raises:
         RecordingError: an empty folder, or a file whose content is not what its suffix says.
     """
-    if path.is_dir() and pattern is not None and (files := sorted(f for f in path.glob(pattern) if f.is_file())):
-        found = recognised(files[0])
-        return found if found.folders else FORMATS[-1]
     if path.is_dir():
         found = next((format for format in FORMATS if format.is_folder and format.is_folder(path)), None)
         if found is None:
@@ -129,8 +103,6 @@ def recognised(path: Path, pattern: str | None = None) -> Format:
     for format in FORMATS:
         if format.head and head.startswith(format.head):
             return format
-    if path.suffix.lower() in _BY_NAME["table"].suffixes or head[:2] in (b"P2", b"P5"):
-        return _BY_NAME["table"]
     if path.suffix.lower() == ".pcd" or head.startswith(b"ply"):
         return _BY_NAME["clouds"]
     named = next((format for format in FORMATS if path.suffix.lower() in format.suffixes), None)

@@ -13,9 +13,8 @@ from capture.errors import RecordingError
 from capture.importers.formats import open_source
 from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.parts import Parts, ShownBox, Span
-from capture.importers.readings import look_at
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
-from capture.recording import Recording, RecordingWriter, Sensor, open_recording, refuse_impossible_rates
+from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
 _EARLY_COLOUR = 8
 """How many colour images before the first depth frame are kept."""
@@ -28,7 +27,7 @@ def import_recording(
     paths: Path | Sequence[Path],
     out: Path,
     *,
-    stated: Stated | Sequence[Stated] | None = None,
+    stated: Stated | None = None,
     format_name: str | None = None,
     sensor_names: Sequence[str] = (),
     offset: Literal["motion", "clock"] | float = "motion",
@@ -42,7 +41,7 @@ def import_recording(
     Args:
         paths: one file or folder a sensor.
         out: the folder to make.
-        stated: what the user states of the cameras, of all alike or of each.
+        stated: what the user states of the cameras, of all alike.
         format_name: what the files are, if not to be found out.
         sensor_names: the sensors' names [``sensor``, or ``sensor-1``, ``sensor-2``, ...].
         offset: of several sensors, by how much the first depth frame of each comes after that of the one before (s);
@@ -66,10 +65,8 @@ def import_recording(
             remedy="give --sensor once for each",
         )
 
-    each = _stated_of(stated, len(listed), out)
-
-    def opened(path: Path, number: int) -> Source:
-        return open_source(path, each[number], name=format_name)
+    def opened(path: Path) -> Source:
+        return open_source(path, stated or Stated(), name=format_name)
 
     shown = box.paths if box is not None and box.paths else ()
     if shown and len(shown) != len(listed):
@@ -79,41 +76,20 @@ def import_recording(
             remedy="give --box-source once for each",
         )
     parts = Parts(box.seconds if box is not None else None, seconds)
-    looked = [look_at(opened(path, k), each[k], path) for k, path in enumerate(listed)]
-    sources = [opened(path, k) for k, path in enumerate(listed)]
+    sources = [opened(path) for path in listed]
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
-    starts = [_first_time(opened(path, k), path) for k, path in enumerate(listed)]
+    starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
-    what = " and ".join(_in_words(path, source) for path, source in zip(listed, sources, strict=True))
-    told += [f"{name}: {seen.in_words()}" for name, seen in zip(names, looked, strict=True)]
+    what = " and ".join(f"{path.name}, times by {source.times}" for path, source in zip(listed, sources, strict=True))
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
         if box is not None:
             writer.set_box(box.size_m)
-        for k, (path, sensor) in enumerate(zip(shown, sensors, strict=False)):
-            write_box_frames(writer, sensor, opened(path, k), path)
+        for path, sensor in zip(shown, sensors, strict=False):
+            write_box_frames(writer, sensor, opened(path), path)
         for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
             write_frames(writer, sensor, source, path, shift_s=shift, parts=parts, progress=progress)
-    recording = open_recording(out)
-    refuse_impossible_rates(recording)
-    return recording
-
-
-def _stated_of(stated: Stated | Sequence[Stated] | None, count: int, out: Path) -> list[Stated]:
-    """What is stated of each of so many sources."""
-    if stated is None or isinstance(stated, Stated):
-        return [stated or Stated()] * count
-    if len(stated) not in (1, count):
-        raise RecordingError(
-            f"{count} sources, and {len(stated)} cameras are stated", where=out, remedy="state one for all, or one each"
-        )
-    return list(stated) * (count if len(stated) == 1 else 1)
-
-
-def _in_words(path: Path, source: Source) -> str:
-    """What a source is and how it was taken, for who looks at the recording later."""
-    turned = ", mirrored by the driver and turned back" if source.sensor.mirrored else ""
-    return f"{path.name}{turned}, times by {source.times}"
+    return open_recording(out)
 
 
 def _first_time(source: Source, path: Path) -> float:
@@ -129,7 +105,7 @@ def _shifts(
     names: Sequence[str],
     starts: Sequence[float],
     offset: Literal["motion", "clock"] | float,
-    opened: Callable[[Path, int], Source],
+    opened: Callable[[Path], Source],
 ) -> tuple[list[float], list[str]]:
     """What is added to the times of each source, and how it was found, in words."""
     shifts: list[float] = [-starts[0]]
@@ -138,14 +114,14 @@ def _shifts(
         return shifts, told
     if offset == "clock":
         return [-starts[0]] * len(paths), ["all by one clock"]
-    before = motion_of(opened(paths[0], 0)) if offset == "motion" else None
+    before = motion_of(opened(paths[0])) if offset == "motion" else None
     total = 0.0
     for i in range(1, len(paths)):
         how = "as stated"
         if before is None:
             step = float(offset)
         else:
-            now = motion_of(opened(paths[i], i))
+            now = motion_of(opened(paths[i]))
             found = estimate_offset(before, now, where=paths[i])
             step, before = found.seconds, now
             how = f"by motion, one standard deviation {found.deviation_s:.4f} s, correlation {found.correlation:.2f}"

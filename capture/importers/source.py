@@ -73,10 +73,6 @@ class Stated:
         depth_unit_m: what one step of a reading is worth.
         fps: nominal frame rate (Hz) of files without times.
         pattern: which files of a folder.
-        depth_range_m: nearest and farthest depth to trust (m).
-        kinect_disparity: whether readings are a first Kinect's raw disparity.
-        axes: where the axes of point clouds point (``capture.importers.axes``).
-        mirrored: whether the images are mirrored, left for right; the camera is stated of the images as they are.
     """
 
     fx: float | None = None
@@ -88,10 +84,6 @@ class Stated:
     depth_unit_m: float | None = None
     fps: float | None = None
     pattern: str | None = None
-    depth_range_m: tuple[float, float] | None = None
-    kinect_disparity: bool = False
-    axes: str | None = None
-    mirrored: bool = False
 
     def camera(self, width: int, height: int, *, own: Camera | None, where: Path) -> Camera:
         """The depth camera: as stated if a focal length is, else the file's own.

@@ -33,7 +33,6 @@ _LARGEST_OVERHEAD = 2**20
 """Text and other chunks beside the image take no more bytes than this."""
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_LFS = b"version https://git-lfs"
 _GREY = 0
 _DAMAGED = "record or copy it again, or remove it from the list of frames"
 
@@ -102,22 +101,9 @@ def _bytes(path: Path, count: int = -1) -> bytes:
         raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
 
 
-def refuse_lfs_pointer(path: Path) -> None:
-    """Raise RecordingError for the few lines that Git LFS leaves in a file's place until it is fetched."""
-    _refuse_lfs(_bytes(path, len(_LFS)), path)
-
-
-def _refuse_lfs(data: bytes, path: Path) -> None:
-    if data.startswith(_LFS):
-        raise RecordingError(
-            "is a Git LFS pointer, not the file itself", where=path, remedy="fetch it with `git lfs pull`"
-        )
-
-
 def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:
     if not data:
         raise RecordingError("is an empty file", where=path, remedy=_DAMAGED)
-    _refuse_lfs(data, path)
     if data[:8] != _SIGNATURE:
         raise RecordingError("is not a PNG file", where=path, remedy="depth frames are 16-bit grey PNG images")
     if len(data) < 33 or data[12:16] != b"IHDR":
