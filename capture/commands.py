@@ -128,6 +128,11 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
     help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
 )
 @click.option(
+    "--mirrored",
+    is_flag=True,
+    help="The driver mirrored the images (libfreenect2 and OpenNI do): turn them, and the camera, back.",
+)
+@click.option(
     "--sensor", multiple=True, help="A sensor's name, once for each SOURCE [default: sensor, or sensor-1, ...]."
 )
 @click.option(
@@ -157,6 +162,7 @@ def import_command(
     distortion: str,
     unit_mm: float | None,
     fps: float | None,
+    mirrored: bool,
     sensor: tuple[str, ...],
     offset: str,
     box: tuple[float, float, float] | None,
@@ -186,6 +192,7 @@ def import_command(
         depth_unit_m=None if unit_mm is None else unit_mm / 1000.0,
         fps=fps,
         pattern=pattern,
+        mirrored=mirrored,
     )
     with stdout.status("importing") as status:
         recording = import_recording(

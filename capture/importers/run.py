@@ -80,7 +80,7 @@ def import_recording(
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
-    what = " and ".join(f"{path.name}, times by {source.times}" for path, source in zip(listed, sources, strict=True))
+    what = " and ".join(_in_words(path, source) for path, source in zip(listed, sources, strict=True))
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
         if box is not None:
@@ -90,6 +90,12 @@ def import_recording(
         for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
             write_frames(writer, sensor, source, path, shift_s=shift, parts=parts, progress=progress)
     return open_recording(out)
+
+
+def _in_words(path: Path, source: Source) -> str:
+    """What a source is and how it was taken, for who looks at the recording later."""
+    turned = ", mirrored by the driver and turned back" if source.sensor.mirrored else ""
+    return f"{path.name}{turned}, times by {source.times}"
 
 
 def _first_time(source: Source, path: Path) -> float:

@@ -73,6 +73,7 @@ class Stated:
         depth_unit_m: what one step of a reading is worth.
         fps: nominal frame rate (Hz) of files without times.
         pattern: which files of a folder.
+        mirrored: whether the images are mirrored, left for right; the camera is stated of the images as they are.
     """
 
     fx: float | None = None
@@ -84,6 +85,7 @@ class Stated:
     depth_unit_m: float | None = None
     fps: float | None = None
     pattern: str | None = None
+    mirrored: bool = False
 
     def camera(self, width: int, height: int, *, own: Camera | None, where: Path) -> Camera:
         """The depth camera: as stated if a focal length is, else the file's own.

@@ -156,6 +156,7 @@ def _sensor(entry: Checked, folder: Path) -> Sensor:
         frames=_frames(home / FRAMES_FILE),
         box_frames=_frames(box_list) if box_list.is_file() else (),
         colour=None if entry.value.get("colour") is None else _colour(entry.object("colour"), home),
+        mirrored="mirrored" in entry.value and entry.flag("mirrored"),
     )
 
 
