@@ -128,6 +128,20 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
     help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
 )
 @click.option(
+    "--depth-range",
+    type=click.FloatRange(0),
+    nargs=2,
+    default=(0.2, 4.0),
+    show_default=True,
+    metavar="NEAR FAR",
+    help="Depth to be trusted (m).",
+)
+@click.option(
+    "--kinect-disparity",
+    is_flag=True,
+    help="The readings are raw disparities of a Kinect for Xbox 360 (11 bits): convert them.",
+)
+@click.option(
     "--mirrored",
     is_flag=True,
     help="The driver mirrored the images (libfreenect2 and OpenNI do): turn them, and the camera, back.",
@@ -162,6 +176,8 @@ def import_command(
     distortion: str,
     unit_mm: float | None,
     fps: float | None,
+    depth_range: tuple[float, float],
+    kinect_disparity: bool,
     mirrored: bool,
     sensor: tuple[str, ...],
     offset: str,
@@ -193,7 +209,12 @@ def import_command(
         fps=fps,
         pattern=pattern,
         mirrored=mirrored,
+        disparity=kinect_disparity,
+        depth_range_m=_depth_range(depth_range),
     )
+    if kinect_disparity and unit_mm is not None:
+        raise click.BadParameter("is not a unit of raw disparities; leave it out", param_hint="--unit-mm")
+    looks: list[tuple[str, str]] = []
     with stdout.status("importing") as status:
         recording = import_recording(
             sources,
@@ -206,8 +227,17 @@ def import_command(
             seconds=_span(seconds, "--seconds"),
             overwrite=overwrite,
             progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
+            readings=lambda name, words: looks.append((name, words)),
         )
     _print_imported(recording)
+    for name, words in looks:
+        stdout.print(f"readings of {name}: {words}", highlight=False, soft_wrap=True)
+
+
+def _depth_range(values: tuple[float, float]) -> tuple[float, float]:
+    if not values[0] < values[1] < math.inf:
+        raise click.BadParameter("the first must be nearer than the second", param_hint="--depth-range")
+    return values
 
 
 def _offset(text: str) -> Literal["motion", "clock"] | float:

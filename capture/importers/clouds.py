@@ -16,14 +16,19 @@ from capture.camera import Camera, project
 from capture.errors import RecordingError
 from capture.importers.cloud_files import Points, read_points
 from capture.importers.images import RAW_SIZE, natural_order, source_files
-from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Frames, Source, Stated, check_size
+from capture.importers.source import (
+    LARGEST_READING,
+    NOMINAL_FPS,
+    DepthFrame,
+    Frames,
+    Source,
+    Stated,
+    check_size,
+    fine_unit,
+)
 from capture.recording import Sensor
 from capture.rigid import Floats
 
-_READING_M = 0.0001
-"""Depth is written in tenths of a millimetre: up to 6.5 m."""
-
-_LARGEST_READING = 65535
 _LARGEST_MISFIT_PX = 1.0
 _FEWEST_POINTS = 100
 
@@ -49,12 +54,13 @@ def open_clouds(source: Path, stated: Stated) -> Source:
     own = None if first.size is None or stated.fx is not None else _fitted(first.xyz * metre, first.size, files[0])
     camera = stated.camera(width, height, own=own, where=source)
     fps = stated.fps or NOMINAL_FPS
-    sensor = Sensor("sensor", camera, _READING_M, DEPTH_RANGE_M)
-    frames = _frames(files, first.size, camera, metre, fps)
+    reading_m = fine_unit(stated.depth_range_m[1])
+    sensor = Sensor("sensor", camera, reading_m, stated.depth_range_m)
+    frames = _frames(files, first.size, camera, metre / reading_m, fps)
     return Source(sensor, frames, times=f"a nominal rate of {fps:g} Hz", count=len(files))
 
 
-def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, metre: float, fps: float) -> Frames:
+def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, scale: float, fps: float) -> Frames:
     for index, file in enumerate(files):
         points = read_points(file)
         if points.size != size:
@@ -63,7 +69,7 @@ def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, met
                 where=file,
                 remedy="import clouds of different sizes into recordings of their own",
             )
-        depth = _depth(points, camera, metre)
+        depth = _depth(points, camera, scale)
         if not depth.any():
             raise RecordingError(
                 "has no points in front of the camera",
@@ -73,13 +79,13 @@ def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, met
         yield DepthFrame(index / fps, depth)
 
 
-def _depth(points: Points, camera: Camera, metre: float) -> NDArray[np.uint16]:
-    """The readings (H, W) that a cloud makes."""
+def _depth(points: Points, camera: Camera, scale: float) -> NDArray[np.uint16]:
+    """The readings (H, W) that a cloud makes, whose coordinates times the scale are readings."""
     with np.errstate(invalid="ignore", over="ignore"):
-        xyz = points.xyz * metre
-        reading = np.rint(xyz[:, 2] / _READING_M)
-        seen = np.isfinite(xyz).all(axis=1) & (reading > 0) & (reading <= _LARGEST_READING)
-    image = np.full(camera.width * camera.height, _LARGEST_READING + 1, dtype=np.int64)
+        xyz = points.xyz * scale
+        reading = np.rint(xyz[:, 2])
+        seen = np.isfinite(xyz).all(axis=1) & (reading > 0) & (reading <= LARGEST_READING)
+    image = np.full(camera.width * camera.height, LARGEST_READING + 1, dtype=np.int64)
     if points.size is not None:
         image[np.flatnonzero(seen)] = reading[seen].astype(np.int64)
     else:
@@ -89,7 +95,7 @@ def _depth(points: Points, camera: Camera, metre: float) -> NDArray[np.uint16]:
             inside = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
         at = (v[inside] * camera.width + u[inside]).astype(np.int64)
         np.minimum.at(image, at, reading[seen][inside].astype(np.int64))
-    image[image > _LARGEST_READING] = 0
+    image[image > LARGEST_READING] = 0
     return image.reshape(camera.height, camera.width).astype(np.uint16)
 
 

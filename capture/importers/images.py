@@ -81,7 +81,7 @@ def open_raw(source: Path, stated: Stated) -> Source:
 
 def _source(files: Sequence[Path], kind: Kind, camera: Camera, stated: Stated) -> Source:
     fps = stated.fps or NOMINAL_FPS
-    sensor = Sensor("sensor", camera, stated.unit(None), DEPTH_RANGE_M)
+    sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m)
     return Source(sensor, _frames(files, kind, camera, fps), times=_rate(fps), count=len(files))
 
 

@@ -25,7 +25,6 @@ from capture.errors import RecordingError
 from capture.importers.mirror import true_picture, unmirrored_camera
 from capture.importers.openni_codec import decode, decode_with_table
 from capture.importers.source import (
-    DEPTH_RANGE_M,
     ColourFrame,
     DepthFrame,
     Frames,
@@ -119,7 +118,7 @@ def open_oni(path: Path, stated: Stated) -> Source:
             where=path,
             remedy="record it as 16z or without compression",
         )
-    sensor = Sensor("sensor", camera, stated.unit(unit), DEPTH_RANGE_M, colour=beside, mirrored=depth.mirrored)
+    sensor = Sensor("sensor", camera, stated.unit(unit), stated.depth_range_m, colour=beside, mirrored=depth.mirrored)
     return Source(sensor, _frames(path, number, None if beside is None else colour_number), times="the file")
 
 

@@ -13,6 +13,7 @@ from capture.errors import RecordingError
 from capture.importers.formats import open_source
 from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.parts import Parts, ShownBox, Span
+from capture.importers.readings import Tally
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
@@ -35,6 +36,7 @@ def import_recording(
     seconds: Span | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
+    readings: Callable[[str, str], None] | None = None,
 ) -> Recording:
     """Make one recording of the files or folders of one or more sensors; time 0 is the first's first depth frame.
 
@@ -50,9 +52,11 @@ def import_recording(
         seconds: keep only what was recorded in this time, and the box's frames.
         overwrite: replace a recording that stands there already.
         progress: called after each frame.
+        readings: called with each sensor's name and what its readings are like, in words.
 
     Raises:
-        RecordingError: a file is missing, empty, damaged, of another kind, or without depth; too little is known of
+        RecordingError: a file is missing, empty, damaged, of another kind, or without depth; its readings are of no
+            use; too little is known of
             the camera; motion tells no offset; no frames of the box, or of anything else, are at the stated times; or
             ``out`` is in use.
     """
@@ -66,7 +70,8 @@ def import_recording(
         )
 
     def opened(path: Path) -> Source:
-        return open_source(path, stated or Stated(), name=format_name)
+        source = open_source(path, stated or Stated(), name=format_name)
+        return replace(source, frames=Tally(source.sensor, path).watched(source.frames))
 
     shown = box.paths if box is not None and box.paths else ()
     if shown and len(shown) != len(listed):
@@ -76,7 +81,7 @@ def import_recording(
             remedy="give --box-source once for each",
         )
     parts = Parts(box.seconds if box is not None else None, seconds)
-    sources = [opened(path) for path in listed]
+    sources = [open_source(path, stated or Stated(), name=format_name) for path in listed]
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
@@ -88,7 +93,11 @@ def import_recording(
         for path, sensor in zip(shown, sensors, strict=False):
             write_box_frames(writer, sensor, opened(path), path)
         for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
-            write_frames(writer, sensor, source, path, shift_s=shift, parts=parts, progress=progress)
+            tally = Tally(sensor, path)
+            watched = replace(source, frames=tally.watched(source.frames))
+            write_frames(writer, sensor, watched, path, shift_s=shift, parts=parts, progress=progress)
+            if readings is not None:
+                readings(sensor.name, tally.words())
     return open_recording(out)
 
 
