@@ -142,6 +142,12 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
     help="The readings are raw disparities of a Kinect for Xbox 360 (11 bits): convert them.",
 )
 @click.option(
+    "--axes",
+    default=None,
+    help="Which way the axes of point clouds point, as seen by the sensor, such as x-right,y-up,z-back "
+    "[default: as the file tells, or x-right,y-down,z-forward].",
+)
+@click.option(
     "--mirrored",
     is_flag=True,
     help="The driver mirrored the images (libfreenect2 and OpenNI do): turn them, and the camera, back.",
@@ -178,6 +184,7 @@ def import_command(
     fps: float | None,
     depth_range: tuple[float, float],
     kinect_disparity: bool,
+    axes: str | None,
     mirrored: bool,
     sensor: tuple[str, ...],
     offset: str,
@@ -209,6 +216,7 @@ def import_command(
         fps=fps,
         pattern=pattern,
         mirrored=mirrored,
+        axes=_axes(axes),
         disparity=kinect_disparity,
         depth_range_m=_depth_range(depth_range),
     )
@@ -232,6 +240,17 @@ def import_command(
     _print_imported(recording)
     for name, words in looks:
         stdout.print(f"readings of {name}: {words}", highlight=False, soft_wrap=True)
+
+
+def _axes(text: str | None) -> str | None:
+    from capture.importers.axes import sensor_from_axes
+
+    if text is not None:
+        try:
+            sensor_from_axes(text)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--axes") from None
+    return text
 
 
 def _depth_range(values: tuple[float, float]) -> tuple[float, float]:

@@ -77,6 +77,7 @@ class Stated:
         fps: nominal frame rate (Hz) of files without times.
         pattern: which files of a folder.
         mirrored: whether the images are mirrored, left for right; the camera is stated of the images as they are.
+        axes: which way the axes of point clouds point, as ``x-right,y-up,z-back``.
         disparity: whether the readings are raw disparities of a Kinect for Xbox 360.
         depth_range_m: nearest and farthest depth to be trusted.
     """
@@ -91,6 +92,7 @@ class Stated:
     fps: float | None = None
     pattern: str | None = None
     mirrored: bool = False
+    axes: str | None = None
     disparity: bool = False
     depth_range_m: tuple[float, float] = DEPTH_RANGE_M
 
