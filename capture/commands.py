@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from capture.recording import Calibration, Recording, Region
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+T = TypeVar("T")
 
 _PATH = click.Path(path_type=Path)
 
@@ -90,7 +92,19 @@ def _span(seconds: tuple[float, float] | None, option: str) -> tuple[float, floa
     return seconds
 
 
-_FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tum", "redwood", "clouds", "png", "raw")
+_FORMAT_NAMES = (
+    "azure-kinect",
+    "realsense-bag",
+    "realsense-db3",
+    "openni",
+    "tum",
+    "redwood",
+    "clouds",
+    "png",
+    "pgm",
+    "text",
+    "raw",
+)
 
 
 @click.command("import")
@@ -107,18 +121,21 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
 @click.option("--width", type=click.IntRange(1, 16384), default=640, show_default=True, help="Columns of a raw image.")
 @click.option("--height", type=click.IntRange(1, 16384), default=480, show_default=True, help="Rows of a raw image.")
 @click.option(
-    "--fx", type=click.FloatRange(0, min_open=True), default=None, help="Focal length (px) [default: the file's]."
+    "--fx",
+    type=click.FloatRange(0, min_open=True),
+    multiple=True,
+    help="Focal length (px) [default: the file's]. This and the next five: once for all, or once for each SOURCE.",
 )
 @click.option(
-    "--fy", type=click.FloatRange(0, min_open=True), default=None, help="The same down the image [default: fx]."
+    "--fy", type=click.FloatRange(0, min_open=True), multiple=True, help="The same down the image [default: fx]."
 )
-@click.option("--cx", type=float, default=None, help="Principal point (px) [default: the image's middle].")
-@click.option("--cy", type=float, default=None, help="Principal point (px) [default: the image's middle].")
-@click.option("--distortion", default="", help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
+@click.option("--cx", type=float, multiple=True, help="Principal point (px) [default: the image's middle].")
+@click.option("--cy", type=float, multiple=True, help="Principal point (px) [default: the image's middle].")
+@click.option("--distortion", multiple=True, help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
 @click.option(
     "--unit-mm",
     type=click.FloatRange(0, min_open=True),
-    default=None,
+    multiple=True,
     help="One reading's unit (mm) [default: the file's, or 1].",
 )
 @click.option(
@@ -175,12 +192,12 @@ def import_command(
     pattern: str | None,
     width: int,
     height: int,
-    fx: float | None,
-    fy: float | None,
-    cx: float | None,
-    cy: float | None,
-    distortion: str,
-    unit_mm: float | None,
+    fx: tuple[float, ...],
+    fy: tuple[float, ...],
+    cx: tuple[float, ...],
+    cy: tuple[float, ...],
+    distortion: tuple[str, ...],
+    unit_mm: tuple[float, ...],
     fps: float | None,
     depth_range: tuple[float, float],
     kinect_disparity: bool,
@@ -197,22 +214,26 @@ def import_command(
     """Make one recording of each SOURCE, a sensor's file or folder.
 
     Reads what Azure Kinect (.mkv), RealSense (.bag, .db3) and OpenNI (.oni) record; folders laid out like TUM's and
-    Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG, raw
-    16-bit little-endian dumps), for which --fx is needed. --seconds and --box-seconds count from the first depth frame
-    of the first SOURCE.
+    Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG and
+    PGM, tables of numbers, raw 16-bit little-endian dumps), for which --fx is needed. --seconds and --box-seconds
+    count from the first depth frame of the first SOURCE.
     """
     from capture.importers import Stated, import_recording
 
-    if fx is None and (fy is not None or cx is not None or cy is not None or distortion):
+    if not fx and (fy or cx or cy or distortion):
         raise click.BadParameter("is needed where another part of the camera is stated", param_hint="--fx")
-    stated = Stated(
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        distortion=_distortion(distortion),
+    count = len(sources)
+    cameras = zip(
+        _for_each(fx, count, "--fx"),
+        _for_each(fy, count, "--fy"),
+        _for_each(cx, count, "--cx"),
+        _for_each(cy, count, "--cy"),
+        _for_each(distortion, count, "--distortion"),
+        _for_each(unit_mm, count, "--unit-mm"),
+        strict=True,
+    )
+    common = Stated(
         size=(width, height),
-        depth_unit_m=None if unit_mm is None else unit_mm / 1000.0,
         fps=fps,
         pattern=pattern,
         mirrored=mirrored,
@@ -220,7 +241,19 @@ def import_command(
         disparity=kinect_disparity,
         depth_range_m=_depth_range(depth_range),
     )
-    if kinect_disparity and unit_mm is not None:
+    stated = [
+        replace(
+            common,
+            fx=one_fx,
+            fy=one_fy,
+            cx=one_cx,
+            cy=one_cy,
+            distortion=_distortion(one_distortion or ""),
+            depth_unit_m=None if one_unit is None else one_unit / 1000.0,
+        )
+        for one_fx, one_fy, one_cx, one_cy, one_distortion, one_unit in cameras
+    ]
+    if kinect_disparity and unit_mm:
         raise click.BadParameter("is not a unit of raw disparities; leave it out", param_hint="--unit-mm")
     looks: list[tuple[str, str]] = []
     with stdout.status("importing") as status:
@@ -240,6 +273,13 @@ def import_command(
     _print_imported(recording)
     for name, words in looks:
         stdout.print(f"readings of {name}: {words}", highlight=False, soft_wrap=True)
+
+
+def _for_each(values: tuple[T, ...], count: int, option: str) -> Sequence[T | None]:
+    """One value for each of the sources: the only one that was given, or one each, or None."""
+    if len(values) > 1 and len(values) != count:
+        raise click.BadParameter(f"give it once, or once for each of {count} sources", param_hint=option)
+    return values if len(values) > 1 else [values[0] if values else None] * count
 
 
 def _axes(text: str | None) -> str | None:

@@ -20,6 +20,8 @@ from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 _EARLY_COLOUR = 8
 """How many colour images before the first depth frame are kept."""
 
+_NOTHING_STATED = Stated()
+
 Progress = Callable[[str, int, int | None], None]
 """Called after each depth frame with the sensor's name, how many have been read, and of how many (if known)."""
 
@@ -28,7 +30,7 @@ def import_recording(
     paths: Path | Sequence[Path],
     out: Path,
     *,
-    stated: Stated | None = None,
+    stated: Stated | Sequence[Stated] = _NOTHING_STATED,
     format_name: str | None = None,
     sensor_names: Sequence[str] = (),
     offset: Literal["motion", "clock"] | float = "motion",
@@ -43,7 +45,7 @@ def import_recording(
     Args:
         paths: one file or folder a sensor.
         out: the folder to make.
-        stated: what the user states of the cameras, of all alike.
+        stated: what the user states of the cameras: of all alike, or of each.
         format_name: what the files are, if not to be found out.
         sensor_names: the sensors' names [``sensor``, or ``sensor-1``, ``sensor-2``, ...].
         offset: of several sensors, by how much the first depth frame of each comes after that of the one before (s);
@@ -56,9 +58,8 @@ def import_recording(
 
     Raises:
         RecordingError: a file is missing, empty, damaged, of another kind, or without depth; its readings are of no
-            use; too little is known of
-            the camera; motion tells no offset; no frames of the box, or of anything else, are at the stated times; or
-            ``out`` is in use.
+            use; too little is known of the camera; motion tells no offset; no frames of the box, or of anything else,
+            are at the stated times; or ``out`` is in use.
     """
     listed = [paths] if isinstance(paths, Path) else list(paths)
     names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
@@ -69,8 +70,11 @@ def import_recording(
             remedy="give --sensor once for each",
         )
 
+    each = [stated] * len(listed) if isinstance(stated, Stated) else list(stated)
+    of_path = dict(zip([*listed, *(box.paths if box is not None else ())], [*each, *each], strict=False))
+
     def opened(path: Path) -> Source:
-        source = open_source(path, stated or Stated(), name=format_name)
+        source = open_source(path, of_path[path], name=format_name)
         return replace(source, frames=Tally(source.sensor, path).watched(source.frames))
 
     shown = box.paths if box is not None and box.paths else ()
@@ -81,7 +85,7 @@ def import_recording(
             remedy="give --box-source once for each",
         )
     parts = Parts(box.seconds if box is not None else None, seconds)
-    sources = [open_source(path, stated or Stated(), name=format_name) for path in listed]
+    sources = [open_source(path, of_path[path], name=format_name) for path in listed]
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
