@@ -92,6 +92,14 @@ def _span(seconds: tuple[float, float] | None, option: str) -> tuple[float, floa
     return seconds
 
 
+_extrinsics_option = click.option(
+    "--extrinsics",
+    type=_PATH,
+    default=None,
+    help="Where the sensors stand is known: a file (JSON, text or OpenCV YAML) of 4 x 4 matrices (m) called "
+    "world_from_NAME or NAME_from_world.",
+)
+
 _FORMAT_NAMES = (
     "azure-kinect",
     "realsense-bag",
@@ -184,6 +192,7 @@ _FORMAT_NAMES = (
 @click.option(
     "--seconds", type=float, nargs=2, default=None, help="Keep only what is from then to then (s), and the box."
 )
+@_extrinsics_option
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
 def import_command(
     sources: tuple[Path, ...],
@@ -209,6 +218,7 @@ def import_command(
     box_seconds: tuple[float, float] | None,
     box_source: tuple[Path, ...],
     seconds: tuple[float, float] | None,
+    extrinsics: Path | None,
     overwrite: bool,
 ) -> None:
     """Make one recording of each SOURCE, a sensor's file or folder.
@@ -273,6 +283,12 @@ def import_command(
     _print_imported(recording)
     for name, words in looks:
         stdout.print(f"readings of {name}: {words}", highlight=False, soft_wrap=True)
+    if extrinsics is not None:
+        from capture.calibration.calibrate import write_calibration
+
+        calibration = _known(recording, extrinsics)
+        write_calibration(recording, calibration)
+        _print_calibration(calibration)
 
 
 def _for_each(values: tuple[T, ...], count: int, option: str) -> Sequence[T | None]:
@@ -377,16 +393,25 @@ def record_command(
 
 @click.command("calibrate")
 @click.argument("recording", type=_PATH)
-def calibrate_command(recording: Path) -> None:
-    """Find where the sensors of RECORDING stand, from its images of the calibration box."""
+@_extrinsics_option
+def calibrate_command(recording: Path, extrinsics: Path | None) -> None:
+    """Find where the sensors of RECORDING stand, from its images of the calibration box, or take known matrices."""
     from capture.calibration.calibrate import calibrate_recording, write_calibration
     from capture.recording import open_recording
 
     opened = open_recording(recording)
     with stdout.status("calibrating"):
-        calibration = calibrate_recording(opened)
+        calibration = calibrate_recording(opened) if extrinsics is None else _known(opened, extrinsics)
     write_calibration(opened, calibration)
     _print_calibration(calibration)
+
+
+def _known(recording: Recording, extrinsics: Path) -> Calibration:
+    from capture.calibration.calibrate import known_calibration
+    from capture.calibration.extrinsics import read_extrinsics
+
+    poses = read_extrinsics(extrinsics, [sensor.name for sensor in recording.sensors])
+    return known_calibration(recording, poses, where=extrinsics)
 
 
 def _print_calibration(calibration: Calibration) -> None:
@@ -400,14 +425,16 @@ def _print_calibration(calibration: Calibration) -> None:
         position = "  ".join(f"{x:+.3f}" for x in sensor.world_from_sensor[:3, 3])
         apart, deviation = sensor.details["apart_mm"], sensor.details["apart_deviation_mm"]
         distance = "" if apart is None else f"{apart:.1f} ± {deviation:.1f}"
-        table.add_row(name, f"{sensor.residual_mm:.2f}", distance, position)
+        residual = "" if sensor.residual_mm is None else f"{sensor.residual_mm:.2f}"
+        table.add_row(name, residual, distance, position)
         if apart is not None and apart > 1000.0 * DOUBTFUL_APART_M:
             doubtful.append(name)
     stdout.print(table)
     if doubtful:
         stdout.print(
             f"warning: the clouds of {', '.join(doubtful)} lie apart from those of the sensors before; if the box was "
-            "moved between the sensors' images of it, record it again, seen by all at once",
+            "moved between the sensors' images of it, record it again, seen by all at once; if matrices were given, "
+            "they are not quite those of this rig",
             highlight=False,
             soft_wrap=True,
         )

@@ -97,7 +97,8 @@ def read_calibration(file: Path, sensor_names: list[str]) -> Calibration | None:
         if name not in sensor_names:
             raise checked.fail(f"calibrates sensor {name!r}, which the recording does not have")
         details = {key: entry.value[key] for key in entry.value if key not in {"world_from_sensor", "residual_mm"}}
-        sensors[name] = SensorCalibration(_rigid(entry, "world_from_sensor"), entry.number("residual_mm"), details)
+        residual = None if entry.value.get("residual_mm") is None else entry.number("residual_mm")
+        sensors[name] = SensorCalibration(_rigid(entry, "world_from_sensor"), residual, details)
     return Calibration(sensors)
 
 

@@ -68,10 +68,11 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class SensorCalibration:
-    """Where one sensor stands: (4, 4) rigid transform, residual (mm), and whatever else was recorded about it."""
+    """Where one sensor stands: (4, 4) rigid transform, residual of the box (mm; None if no box told), and whatever
+    else was recorded about it."""
 
     world_from_sensor: Floats
-    residual_mm: float
+    residual_mm: float | None
     details: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -158,7 +158,7 @@ def write_calibration_file(path: Path, calibration: Calibration) -> None:
     sensors = {
         name: {
             "world_from_sensor": sensor.world_from_sensor.tolist(),
-            "residual_mm": float(sensor.residual_mm),
+            "residual_mm": None if sensor.residual_mm is None else float(sensor.residual_mm),
             **sensor.details,
         }
         for name, sensor in calibration.sensors.items()
