@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from capture.recording import Calibration, Recording, Region
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+T = TypeVar("T")
 
 _PATH = click.Path(path_type=Path)
 
@@ -90,7 +92,27 @@ def _span(seconds: tuple[float, float] | None, option: str) -> tuple[float, floa
     return seconds
 
 
-_FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tum", "redwood", "clouds", "png", "raw")
+_extrinsics_option = click.option(
+    "--extrinsics",
+    type=_PATH,
+    default=None,
+    help="Where the sensors stand is known: a file (JSON, text or OpenCV YAML) of 4 x 4 matrices (m) called "
+    "world_from_NAME or NAME_from_world.",
+)
+
+_FORMAT_NAMES = (
+    "azure-kinect",
+    "realsense-bag",
+    "realsense-db3",
+    "openni",
+    "tum",
+    "redwood",
+    "clouds",
+    "png",
+    "pgm",
+    "text",
+    "raw",
+)
 
 
 @click.command("import")
@@ -107,18 +129,21 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
 @click.option("--width", type=click.IntRange(1, 16384), default=640, show_default=True, help="Columns of a raw image.")
 @click.option("--height", type=click.IntRange(1, 16384), default=480, show_default=True, help="Rows of a raw image.")
 @click.option(
-    "--fx", type=click.FloatRange(0, min_open=True), default=None, help="Focal length (px) [default: the file's]."
+    "--fx",
+    type=click.FloatRange(0, min_open=True),
+    multiple=True,
+    help="Focal length (px) [default: the file's]. This and the next five: once for all, or once for each SOURCE.",
 )
 @click.option(
-    "--fy", type=click.FloatRange(0, min_open=True), default=None, help="The same down the image [default: fx]."
+    "--fy", type=click.FloatRange(0, min_open=True), multiple=True, help="The same down the image [default: fx]."
 )
-@click.option("--cx", type=float, default=None, help="Principal point (px) [default: the image's middle].")
-@click.option("--cy", type=float, default=None, help="Principal point (px) [default: the image's middle].")
-@click.option("--distortion", default="", help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
+@click.option("--cx", type=float, multiple=True, help="Principal point (px) [default: the image's middle].")
+@click.option("--cy", type=float, multiple=True, help="Principal point (px) [default: the image's middle].")
+@click.option("--distortion", multiple=True, help="OpenCV's coefficients k1,k2,p1,p2[,k3...] [default: none].")
 @click.option(
     "--unit-mm",
     type=click.FloatRange(0, min_open=True),
-    default=None,
+    multiple=True,
     help="One reading's unit (mm) [default: the file's, or 1].",
 )
 @click.option(
@@ -126,6 +151,31 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
     type=click.FloatRange(0, min_open=True),
     default=None,
     help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
+)
+@click.option(
+    "--depth-range",
+    type=click.FloatRange(0),
+    nargs=2,
+    default=(0.2, 4.0),
+    show_default=True,
+    metavar="NEAR FAR",
+    help="Depth to be trusted (m).",
+)
+@click.option(
+    "--kinect-disparity",
+    is_flag=True,
+    help="The readings are raw disparities of a Kinect for Xbox 360 (11 bits): convert them.",
+)
+@click.option(
+    "--axes",
+    default=None,
+    help="Which way the axes of point clouds point, as seen by the sensor, such as x-right,y-up,z-back "
+    "[default: as the file tells, or x-right,y-down,z-forward].",
+)
+@click.option(
+    "--mirrored",
+    is_flag=True,
+    help="The driver mirrored the images (libfreenect2 and OpenNI do): turn them, and the camera, back.",
 )
 @click.option(
     "--sensor", multiple=True, help="A sensor's name, once for each SOURCE [default: sensor, or sensor-1, ...]."
@@ -142,6 +192,7 @@ _FORMAT_NAMES = ("azure-kinect", "realsense-bag", "realsense-db3", "openni", "tu
 @click.option(
     "--seconds", type=float, nargs=2, default=None, help="Keep only what is from then to then (s), and the box."
 )
+@_extrinsics_option
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there already.")
 def import_command(
     sources: tuple[Path, ...],
@@ -150,43 +201,71 @@ def import_command(
     pattern: str | None,
     width: int,
     height: int,
-    fx: float | None,
-    fy: float | None,
-    cx: float | None,
-    cy: float | None,
-    distortion: str,
-    unit_mm: float | None,
+    fx: tuple[float, ...],
+    fy: tuple[float, ...],
+    cx: tuple[float, ...],
+    cy: tuple[float, ...],
+    distortion: tuple[str, ...],
+    unit_mm: tuple[float, ...],
     fps: float | None,
+    depth_range: tuple[float, float],
+    kinect_disparity: bool,
+    axes: str | None,
+    mirrored: bool,
     sensor: tuple[str, ...],
     offset: str,
     box: tuple[float, float, float] | None,
     box_seconds: tuple[float, float] | None,
     box_source: tuple[Path, ...],
     seconds: tuple[float, float] | None,
+    extrinsics: Path | None,
     overwrite: bool,
 ) -> None:
     """Make one recording of each SOURCE, a sensor's file or folder.
 
     Reads what Azure Kinect (.mkv), RealSense (.bag, .db3) and OpenNI (.oni) record; folders laid out like TUM's and
-    Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG, raw
-    16-bit little-endian dumps), for which --fx is needed. --seconds and --box-seconds count from the first depth frame
-    of the first SOURCE.
+    Redwood's data sets; point clouds (.pcd, .ply); and depth images that tell nothing of their camera (16-bit PNG and
+    PGM, tables of numbers, raw 16-bit little-endian dumps), for which --fx is needed. --seconds and --box-seconds
+    count from the first depth frame of the first SOURCE.
     """
     from capture.importers import Stated, import_recording
 
-    if fx is None and (fy is not None or cx is not None or cy is not None or distortion):
+    if not fx and (fy or cx or cy or distortion):
         raise click.BadParameter("is needed where another part of the camera is stated", param_hint="--fx")
-    stated = Stated(
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        distortion=_distortion(distortion),
+    count = len(sources)
+    cameras = zip(
+        _for_each(fx, count, "--fx"),
+        _for_each(fy, count, "--fy"),
+        _for_each(cx, count, "--cx"),
+        _for_each(cy, count, "--cy"),
+        _for_each(distortion, count, "--distortion"),
+        _for_each(unit_mm, count, "--unit-mm"),
+        strict=True,
+    )
+    common = Stated(
         size=(width, height),
-        depth_unit_m=None if unit_mm is None else unit_mm / 1000.0,
         fps=fps,
         pattern=pattern,
+        mirrored=mirrored,
+        axes=_axes(axes),
+        disparity=kinect_disparity,
+        depth_range_m=_depth_range(depth_range),
     )
+    stated = [
+        replace(
+            common,
+            fx=one_fx,
+            fy=one_fy,
+            cx=one_cx,
+            cy=one_cy,
+            distortion=_distortion(one_distortion or ""),
+            depth_unit_m=None if one_unit is None else one_unit / 1000.0,
+        )
+        for one_fx, one_fy, one_cx, one_cy, one_distortion, one_unit in cameras
+    ]
+    if kinect_disparity and unit_mm:
+        raise click.BadParameter("is not a unit of raw disparities; leave it out", param_hint="--unit-mm")
+    looks: list[tuple[str, str]] = []
     with stdout.status("importing") as status:
         recording = import_recording(
             sources,
@@ -199,8 +278,41 @@ def import_command(
             seconds=_span(seconds, "--seconds"),
             overwrite=overwrite,
             progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
+            readings=lambda name, words: looks.append((name, words)),
         )
     _print_imported(recording)
+    for name, words in looks:
+        stdout.print(f"readings of {name}: {words}", highlight=False, soft_wrap=True)
+    if extrinsics is not None:
+        from capture.calibration.calibrate import write_calibration
+
+        calibration = _known(recording, extrinsics)
+        write_calibration(recording, calibration)
+        _print_calibration(calibration)
+
+
+def _for_each(values: tuple[T, ...], count: int, option: str) -> Sequence[T | None]:
+    """One value for each of the sources: the only one that was given, or one each, or None."""
+    if len(values) > 1 and len(values) != count:
+        raise click.BadParameter(f"give it once, or once for each of {count} sources", param_hint=option)
+    return values if len(values) > 1 else [values[0] if values else None] * count
+
+
+def _axes(text: str | None) -> str | None:
+    from capture.importers.axes import sensor_from_axes
+
+    if text is not None:
+        try:
+            sensor_from_axes(text)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--axes") from None
+    return text
+
+
+def _depth_range(values: tuple[float, float]) -> tuple[float, float]:
+    if not values[0] < values[1] < math.inf:
+        raise click.BadParameter("the first must be nearer than the second", param_hint="--depth-range")
+    return values
 
 
 def _offset(text: str) -> Literal["motion", "clock"] | float:
@@ -281,16 +393,25 @@ def record_command(
 
 @click.command("calibrate")
 @click.argument("recording", type=_PATH)
-def calibrate_command(recording: Path) -> None:
-    """Find where the sensors of RECORDING stand, from its images of the calibration box."""
+@_extrinsics_option
+def calibrate_command(recording: Path, extrinsics: Path | None) -> None:
+    """Find where the sensors of RECORDING stand, from its images of the calibration box, or take known matrices."""
     from capture.calibration.calibrate import calibrate_recording, write_calibration
     from capture.recording import open_recording
 
     opened = open_recording(recording)
     with stdout.status("calibrating"):
-        calibration = calibrate_recording(opened)
+        calibration = calibrate_recording(opened) if extrinsics is None else _known(opened, extrinsics)
     write_calibration(opened, calibration)
     _print_calibration(calibration)
+
+
+def _known(recording: Recording, extrinsics: Path) -> Calibration:
+    from capture.calibration.calibrate import known_calibration
+    from capture.calibration.extrinsics import read_extrinsics
+
+    poses = read_extrinsics(extrinsics, [sensor.name for sensor in recording.sensors])
+    return known_calibration(recording, poses, where=extrinsics)
 
 
 def _print_calibration(calibration: Calibration) -> None:
@@ -304,14 +425,16 @@ def _print_calibration(calibration: Calibration) -> None:
         position = "  ".join(f"{x:+.3f}" for x in sensor.world_from_sensor[:3, 3])
         apart, deviation = sensor.details["apart_mm"], sensor.details["apart_deviation_mm"]
         distance = "" if apart is None else f"{apart:.1f} ± {deviation:.1f}"
-        table.add_row(name, f"{sensor.residual_mm:.2f}", distance, position)
+        residual = "" if sensor.residual_mm is None else f"{sensor.residual_mm:.2f}"
+        table.add_row(name, residual, distance, position)
         if apart is not None and apart > 1000.0 * DOUBTFUL_APART_M:
             doubtful.append(name)
     stdout.print(table)
     if doubtful:
         stdout.print(
             f"warning: the clouds of {', '.join(doubtful)} lie apart from those of the sensors before; if the box was "
-            "moved between the sensors' images of it, record it again, seen by all at once",
+            "moved between the sensors' images of it, record it again, seen by all at once; if matrices were given, "
+            "they are not quite those of this rig",
             highlight=False,
             soft_wrap=True,
         )

@@ -18,7 +18,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from capture.calibration.agreement import Apart, apart, surface
 from capture.calibration.box import BoxFit, displacement, find_box, symmetries
@@ -50,6 +49,12 @@ _LEAST_SCORE, _LEAST_MARGIN = 0.3, 0.3
 DOUBTFUL_APART_M = 0.0025  # sound calibrations of simulated Carmines left 0.3 to 1 mm at 1.2 m, 2 mm at 2.2 m
 _FAR_APART_M = 0.005
 _SURELY = 2.0  # standard deviations
+_BOX_ALONE = "the box alone does not tell which way round each sensor sees it"
+_REMEDY_OF_BOX = "show the box to all sensors at once and move neither it nor them; check that the clocks agree"
+_REMEDY_OF_KNOWN = (
+    "check that the matrices are of this rig and these sensors, in metres, that nothing moved since, and that the "
+    "clocks agree; or show all sensors a box"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +88,7 @@ def calibrate_recording(recording: Recording) -> Calibration:
             remedy="add its size to recording.json",
         )
     fits = {sensor.name: _fit(recording, sensor, recording.box_size_m) for sensor in recording.sensors}
-    looks = _looks(recording) if len(recording.sensors) > 1 else []
+    looks = _looks(recording, _BOX_ALONE) if len(recording.sensors) > 1 else []
     poses, margins = _resolved(recording, fits, symmetries(recording.box_size_m), looks)
     distances = _distances(recording, looks, poses)
     return Calibration(
@@ -91,48 +96,53 @@ def calibrate_recording(recording: Recording) -> Calibration:
     )
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """How a sensor's clouds lie on those of the sensors before it.
+def known_calibration(recording: Recording, poses: Mapping[str, Floats], *, where: Path) -> Calibration:
+    """The calibration that known poses (4, 4), world from sensor by name, make, if the sensors' clouds agree with it.
 
-    ``apart`` is None where they show no common surface; ``score`` says whether they confirm each other, in [-1, 1]:
-    below 0 one saw through more of what the other saw than they agree on. ``gap_m`` is how far its points stay from
-    theirs at the least.
-    """
-
-    apart: Apart | None
-    score: float
-    gap_m: float
-
-
-def cloud_agreement(recording: Recording, poses: Mapping[str, Floats]) -> dict[str, Agreement]:
-    """How the clouds of each sensor at ``poses`` (4, 4) agree with those before it; the first agrees with itself.
+    ``where`` is the file of the poses, which errors name.
 
     Raises:
-        CalibrationError: no two sensors saw anything at the same time.
+        CalibrationError: the sensors never saw the person at once, or what they saw does not lie on each other.
     """
-    names = [sensor.name for sensor in recording.sensors]
-    if len(names) == 1:
-        return {names[0]: Agreement(None, 1.0, 0.0)}
-    looks = _looks(recording)
-    distances = _distances(recording, looks, poses, refusing=False)
-    before = {name: {other: poses[other] for other in names[:number]} for number, name in enumerate(names)}
-    found = {names[0]: Agreement(None, 1.0, 0.0)}
-    for name in names[1:]:
-        score = _score(looks, name, poses[name], before[name])
-        found[name] = Agreement(distances.get(name), score, _gap(looks, name, poses[name], before[name]))
-    return found
+    looks = _looks(recording, "matrices alone are not believed") if len(recording.sensors) > 1 else []
+    _refuse_disagreeing(looks, poses, where)
+    distances = _distances(recording, looks, poses, _REMEDY_OF_KNOWN)
+    return Calibration({name: _known_sensor(pose, where, distances.get(name)) for name, pose in poses.items()})
 
 
-def _gap(looks: list[dict[str, _Look]], name: str, pose: Floats, poses: Mapping[str, Floats]) -> float:
-    """The least distance (m) between a sensor's points at ``pose`` (4, 4) and those of the others; inf without any."""
-    gap = np.inf
-    for look in looks:
-        for other in poses.keys() & look.keys() if name in look else ():
-            if len(look[name].points) and len(look[other].points):
-                tree = cKDTree(apply(poses[other], look[other].points))
-                gap = min(gap, float(tree.query(apply(pose, look[name].points))[0].min()))
-    return gap
+def _known_sensor(pose: Floats, where: Path, distance: Apart | None) -> SensorCalibration:
+    return SensorCalibration(pose, residual_mm=None, details={"given_by": where.name, **_apart_details(distance)})
+
+
+def _refuse_disagreeing(looks: list[dict[str, _Look]], poses: Mapping[str, Floats], where: Path) -> None:
+    """Refuse poses by which what one sensor saw is not where those before it saw it."""
+    score = _least_score(looks, poses)
+    if score is None or score[1] >= _LEAST_SCORE:
+        return
+    turned = _least_score(looks, {name: inverse(pose) for name, pose in poses.items()})
+    other_way = turned is not None and turned[1] >= _LEAST_SCORE
+    raise CalibrationError(
+        f"what sensor {score[0]!r} saw does not lie on what the others saw: they agree by {score[1]:.2f}"
+        + (f", by the inverse matrices {turned[1]:.2f}" if turned is not None and other_way else ""),
+        where=where,
+        remedy="the matrices map the other way: rename world_from_NAME to NAME_from_world, or back"
+        if other_way
+        else _REMEDY_OF_KNOWN,
+    )
+
+
+def _least_score(looks: list[dict[str, _Look]], poses: Mapping[str, Floats]) -> tuple[str, float] | None:
+    """The sensor that agrees least with those before it, and by how much; None if there is but one."""
+    names = list(poses)
+    scores = [
+        (_score(looks, name, poses[name], {other: poses[other] for other in names[:number]}), name)
+        for number, name in enumerate(names)
+        if number
+    ]
+    if not scores:
+        return None
+    score, name = min(scores)
+    return name, score
 
 
 def write_calibration(recording: Recording, calibration: Calibration) -> None:
@@ -219,10 +229,16 @@ def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None, distan
             "face_angles_deg": list(fit.face_angles_deg),
             "measured_size_mm": [1000.0 * side for side in fit.measured_size_m],
             "ambiguity_margin": margin,
-            "apart_mm": None if distance is None else 1000.0 * distance.distance_m,
-            "apart_deviation_mm": None if distance is None else 1000.0 * distance.deviation_m,
+            **_apart_details(distance),
         },
     )
+
+
+def _apart_details(distance: Apart | None) -> dict[str, float | None]:
+    return {
+        "apart_mm": None if distance is None else 1000.0 * distance.distance_m,
+        "apart_deviation_mm": None if distance is None else 1000.0 * distance.deviation_m,
+    }
 
 
 def _resolved(
@@ -257,12 +273,12 @@ def _resolved(
 
 
 def _distances(
-    recording: Recording, looks: list[dict[str, _Look]], poses: Mapping[str, Floats], *, refusing: bool = True
+    recording: Recording, looks: list[dict[str, _Look]], poses: Mapping[str, Floats], remedy: str = _REMEDY_OF_BOX
 ) -> dict[str, Apart]:
     """How far the clouds of each sensor but the first lie from those of one before it, the worst of all.
 
     Raises:
-        CalibrationError: too far, and that is to be refused.
+        CalibrationError: too far.
     """
     seen = [{name: surface(look.depth, look.camera) for name, look in moment.items()} for moment in looks]
     names = [sensor.name for sensor in recording.sensors]
@@ -273,25 +289,24 @@ def _distances(
             distance = apart(pairs, inverse(poses[other]) @ poses[name]) if pairs else None
             if distance is None:
                 continue
-            if refusing:
-                _refuse_far(recording, name, other, distance)
+            _refuse_far(recording, name, other, distance, remedy)
             if name not in found or distance.distance_m > found[name].distance_m:
                 found[name] = distance
     return found
 
 
-def _refuse_far(recording: Recording, name: str, other: str, distance: Apart) -> None:
+def _refuse_far(recording: Recording, name: str, other: str, distance: Apart, remedy: str) -> None:
     if distance.distance_m < max(_FAR_APART_M, _SURELY * distance.deviation_m):
         return
     raise CalibrationError(
         f"what sensor {name!r} saw lies {1000 * distance.distance_m:.0f} mm (standard deviation "
         f"{1000 * distance.deviation_m:.0f} mm) from what {other!r} saw at the same time",
         where=recording.path,
-        remedy="show the box to all sensors at once and move neither it nor them; check that the clocks agree",
+        remedy=remedy,
     )
 
 
-def _looks(recording: Recording) -> list[dict[str, _Look]]:
+def _looks(recording: Recording, alone: str) -> list[dict[str, _Look]]:
     """What the sensors saw at some instants, spread over the recording, at which at least two saw something."""
     if not any(sensor.frames for sensor in recording.sensors):
         shared = []
@@ -299,8 +314,7 @@ def _looks(recording: Recording) -> list[dict[str, _Look]]:
         shared = [instant for instant in instants(recording) if len(instant.frames) > 1]
     if not shared:
         raise CalibrationError(
-            "the box alone does not tell which way round each sensor sees it, and no frames of two sensors are from "
-            "the same time",
+            f"{alone}, and no frames of two sensors are from the same time",
             where=recording.path,
             remedy="record the person with all sensors at once",
         )

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from capture.camera import Camera, project, ray_slopes
 from capture.errors import RecordingError
 from capture.importers.source import (
-    DEPTH_RANGE_M,
     ColourFrame,
     DepthFrame,
     Frames,
@@ -74,7 +73,7 @@ def open_mkv(path: Path, stated: Stated) -> Source:
         camera = stated.camera(width, height, own=own, where=path)
         radius = math.inf if own is None or camera is not own or calibration is None else _radius(calibration)
         colour = _colour(_track(container, "COLOR"), calibration)
-    sensor = Sensor("sensor", camera, stated.unit(None), DEPTH_RANGE_M, colour=colour)
+    sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m, colour=colour)
     return Source(sensor, _frames(path, camera, radius, with_colour=colour is not None), times="the file")
 
 

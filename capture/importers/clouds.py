@@ -7,6 +7,7 @@ one pixel, the nearest counts.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +15,22 @@ from numpy.typing import NDArray
 
 from capture.camera import Camera, project
 from capture.errors import RecordingError
+from capture.importers.axes import sensor_from_axes
 from capture.importers.cloud_files import Points, read_points
 from capture.importers.images import RAW_SIZE, natural_order, source_files
-from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Frames, Source, Stated, check_size
+from capture.importers.source import (
+    LARGEST_READING,
+    NOMINAL_FPS,
+    DepthFrame,
+    Frames,
+    Source,
+    Stated,
+    check_size,
+    fine_unit,
+)
 from capture.recording import Sensor
 from capture.rigid import Floats
 
-_READING_M = 0.0001
-"""Depth is written in tenths of a millimetre: up to 6.5 m."""
-
-_LARGEST_READING = 65535
 _LARGEST_MISFIT_PX = 1.0
 _FEWEST_POINTS = 100
 
@@ -43,43 +50,62 @@ def open_clouds(source: Path, stated: Stated) -> Source:
     pattern = stated.pattern or ("*.pcd" if source.is_dir() and any(source.glob("*.pcd")) else "*.ply")
     files = natural_order(source_files(source, pattern))
     metre = 1.0 if stated.depth_unit_m is None else stated.depth_unit_m
-    first = read_points(files[0])
+    first = _turned(read_points(files[0]), stated.axes)
+    _refuse_behind(first, files[0])
     width, height = first.size or stated.size or RAW_SIZE
     check_size(width, height, where=files[0])
     own = None if first.size is None or stated.fx is not None else _fitted(first.xyz * metre, first.size, files[0])
     camera = stated.camera(width, height, own=own, where=source)
     fps = stated.fps or NOMINAL_FPS
-    sensor = Sensor("sensor", camera, _READING_M, DEPTH_RANGE_M)
-    frames = _frames(files, first.size, camera, metre, fps)
+    reading_m = fine_unit(stated.depth_range_m[1])
+    sensor = Sensor("sensor", camera, reading_m, stated.depth_range_m)
+    frames = _frames(files, first, camera, metre / reading_m, fps, stated.axes)
     return Source(sensor, frames, times=f"a nominal rate of {fps:g} Hz", count=len(files))
 
 
-def _frames(files: list[Path], size: tuple[int, int] | None, camera: Camera, metre: float, fps: float) -> Frames:
+def _turned(points: Points, axes: str | None) -> Points:
+    """The points in the sensor's own axes; they are in the stated ones, else in those that their header tells."""
+    named = axes or points.axes
+    return points if named is None else replace(points, xyz=points.xyz @ sensor_from_axes(named).T)
+
+
+def _refuse_behind(points: Points, file: Path) -> None:
+    with np.errstate(invalid="ignore"):
+        before, behind = (points.xyz[:, 2] > 0.0).sum(), (points.xyz[:, 2] < 0.0).sum()
+    if behind > before:
+        raise RecordingError(
+            f"has {behind} of {behind + before} points behind the sensor, so its axes are not x-right,y-down,z-forward",
+            where=file,
+            remedy="say which way they point, as in --axes x-right,y-up,z-back",
+        )
+
+
+def _frames(files: list[Path], first: Points, camera: Camera, scale: float, fps: float, axes: str | None) -> Frames:
     for index, file in enumerate(files):
-        points = read_points(file)
-        if points.size != size:
+        points = _turned(read_points(file), axes or first.axes)
+        if points.size != first.size:
             raise RecordingError(
-                f"is organised as {points.size}, the first cloud as {size}",
+                f"is organised as {points.size}, the first cloud as {first.size}",
                 where=file,
                 remedy="import clouds of different sizes into recordings of their own",
             )
-        depth = _depth(points, camera, metre)
+        depth = _depth(points, camera, scale)
         if not depth.any():
             raise RecordingError(
                 "has no points in front of the camera",
                 where=file,
-                remedy="points must be in metres (or state --unit-mm), x right, y down, z forward",
+                remedy="points must be in metres (or state --unit-mm), x right, y down, z forward (or state --axes)",
             )
         yield DepthFrame(index / fps, depth)
 
 
-def _depth(points: Points, camera: Camera, metre: float) -> NDArray[np.uint16]:
-    """The readings (H, W) that a cloud makes."""
+def _depth(points: Points, camera: Camera, scale: float) -> NDArray[np.uint16]:
+    """The readings (H, W) that a cloud makes, whose coordinates times the scale are readings."""
     with np.errstate(invalid="ignore", over="ignore"):
-        xyz = points.xyz * metre
-        reading = np.rint(xyz[:, 2] / _READING_M)
-        seen = np.isfinite(xyz).all(axis=1) & (reading > 0) & (reading <= _LARGEST_READING)
-    image = np.full(camera.width * camera.height, _LARGEST_READING + 1, dtype=np.int64)
+        xyz = points.xyz * scale
+        reading = np.rint(xyz[:, 2])
+        seen = np.isfinite(xyz).all(axis=1) & (reading > 0) & (reading <= LARGEST_READING)
+    image = np.full(camera.width * camera.height, LARGEST_READING + 1, dtype=np.int64)
     if points.size is not None:
         image[np.flatnonzero(seen)] = reading[seen].astype(np.int64)
     else:
@@ -89,7 +115,7 @@ def _depth(points: Points, camera: Camera, metre: float) -> NDArray[np.uint16]:
             inside = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
         at = (v[inside] * camera.width + u[inside]).astype(np.int64)
         np.minimum.at(image, at, reading[seen][inside].astype(np.int64))
-    image[image > _LARGEST_READING] = 0
+    image[image > LARGEST_READING] = 0
     return image.reshape(camera.height, camera.width).astype(np.uint16)
 
 
@@ -111,7 +137,11 @@ def _fitted(xyz: Floats, size: tuple[int, int], file: Path) -> Camera:
         problem = f"is organised, but its points are off any camera's pixels by {max(off_u, off_v):.1f} px"
         if fx > 0.0 and fy > 0.0 and max(off_u, off_v) <= _LARGEST_MISFIT_PX:
             return Camera(width, height, fx, fy, cx, cy)
-    raise RecordingError(problem, where=file, remedy="state the camera with --fx (px); x right, y down, z forward")
+    raise RecordingError(
+        problem,
+        where=file,
+        remedy="state the camera with --fx (px), and --axes if they are not x-right,y-down,z-forward",
+    )
 
 
 def _line(slope: Floats, pixel: Floats) -> tuple[tuple[float, float], float]:

@@ -21,7 +21,7 @@ import numpy as np
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.images import natural_order, source_files
-from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, ColourFrame, DepthFrame, Frames, Source, Stated
+from capture.importers.source import NOMINAL_FPS, ColourFrame, DepthFrame, Frames, Source, Stated
 from capture.recording import Colour, Sensor, depth_png
 from capture.recording.checked_json import Checked
 
@@ -92,7 +92,7 @@ def _source(
         )
     camera = stated.camera(width, height, own=own, where=folder)
     beside = Colour(camera, np.eye(4)) if colour else None  # both layouts lay depth over colour
-    sensor = Sensor("sensor", camera, unit_m, DEPTH_RANGE_M, colour=beside)
+    sensor = Sensor("sensor", camera, unit_m, stated.depth_range_m, colour=beside)
     return Source(sensor, _frames(depth, colour, camera), times=times, count=len(depth))
 
 

@@ -7,10 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.errors import RecordingError
-from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3
+from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, text_images
+from capture.importers.disparity import converted
+from capture.importers.mirror import unmirrored
 from capture.importers.source import Source, Stated
+from capture.recording.types import HEADER_FILE, UNFINISHED_FILE
 
 _HEAD_BYTES = 64
+
+_HEADERS = (HEADER_FILE, UNFINISHED_FILE)
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,13 @@ FORMATS = (
         suffixes=(".png",),
         is_folder=lambda folder: any(folder.glob("*.png")),
     ),
+    Format("pgm", text_images.open_pgm, suffixes=(".pgm",), is_folder=lambda folder: any(folder.glob("*.pgm"))),
+    Format(
+        "text",
+        text_images.open_text,
+        suffixes=(".txt", ".csv"),
+        is_folder=lambda folder: any(folder.iterdir()) and all(_is_table(file) for file in folder.iterdir()),
+    ),
     Format("raw", images.open_raw, is_folder=lambda folder: any(folder.iterdir())),
 )
 """In the order of trying; ``raw`` is whatever nothing else is."""
@@ -75,20 +87,33 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
         raise RecordingError("does not exist", where=path, remedy="name a sensor's file, or a folder of depth images")
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError("is an empty file", where=path, remedy="record or copy it again")
-    chosen = recognised(path) if name is None else _BY_NAME[name]
+    if any((path / name).is_file() for name in _HEADERS) or path.name in _HEADERS:
+        raise RecordingError(
+            "is a recording already" if path.is_dir() else "is the description of a recording",
+            where=path,
+            remedy="give its folder to `bonetrack adapt` and the others as it is",
+        )
+    if path.is_file():
+        images.refuse_pointer(path)
+    chosen = recognised(path, stated.pattern) if name is None else _BY_NAME[name]
     if path.is_dir() and not chosen.folders:
         raise RecordingError("is a folder", where=path, remedy=f"name the {chosen.suffixes[0]} file in it")
     if path.is_file() and not chosen.files:
         raise RecordingError("is a file", where=path, remedy=f"a recording laid out like {chosen.name} is a folder")
-    return chosen.open(path, stated)
+    source = chosen.open(path, stated)
+    source = converted(source) if stated.disparity else source
+    # A file that says itself that its images are mirrored has been turned back by its reader, which is once enough.
+    return unmirrored(source, path) if stated.mirrored and not source.sensor.mirrored else source
 
 
-def recognised(path: Path) -> Format:
-    """The format of a file or folder that exists.
+def recognised(path: Path, pattern: str | None = None) -> Format:
+    """The format of a file or folder that exists; of a folder only the files that match the pattern count.
 
     Raises:
         RecordingError: an empty folder, or a file whose content is not what its suffix says.
     """
+    if path.is_dir() and pattern is not None and not (datasets.is_tum(path) or datasets.is_redwood(path)):
+        return _of_files(path, pattern)
     if path.is_dir():
         found = next((format for format in FORMATS if format.is_folder and format.is_folder(path)), None)
         if found is None:
@@ -105,6 +130,10 @@ def recognised(path: Path) -> Format:
             return format
     if path.suffix.lower() == ".pcd" or head.startswith(b"ply"):
         return _BY_NAME["clouds"]
+    if head[:2] in (b"P2", b"P5") and head[2:3].isspace():
+        return _BY_NAME["pgm"]
+    if text_images.is_table(head):
+        return _BY_NAME["text"]
     named = next((format for format in FORMATS if path.suffix.lower() in format.suffixes), None)
     if named is not None:
         raise RecordingError(
@@ -113,3 +142,23 @@ def recognised(path: Path) -> Format:
             remedy="record or copy it again, or state its format with --format",
         )
     return FORMATS[-1]
+
+
+def _of_files(folder: Path, pattern: str) -> Format:
+    """The format of those files of a folder that match the pattern: that of the first.
+
+    Raises:
+        RecordingError: there is none, or it is a recording of a sensor by itself.
+    """
+    first = images.natural_order(images.source_files(folder, pattern))[0]
+    found = recognised(first)
+    if not found.folders:
+        raise RecordingError("is a recording by itself, not an image", where=first, remedy="name this file")
+    return found
+
+
+def _is_table(file: Path) -> bool:
+    if not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        return text_images.is_table(opened.read(_HEAD_BYTES))

@@ -27,6 +27,9 @@ RAW_SIZE = (640, 480)
 
 _BYTES_PER_READING = 2
 
+_POINTER = b"version https://git-lfs.github.com/spec/"
+_LARGEST_POINTER = 1024
+
 
 def import_images(
     files: Sequence[Path],
@@ -49,7 +52,7 @@ def import_images(
         RecordingError: a file that is not what its kind says, or not of the camera's size, or ``out`` is in use.
     """
     sensor = Sensor(sensor_name, camera, depth_unit_m, depth_range_m)
-    created_by = f"bonetrack import of {files[0].parent.name}, times by {_rate(fps)}"
+    created_by = f"bonetrack import of {files[0].parent.name}, times by {rate_in_words(fps)}"
     with RecordingWriter(out, sensors=[sensor], created_by=created_by, overwrite=overwrite) as writer:
         for frame in _frames(files, kind, camera, fps):
             writer.add_frame(sensor.name, frame.readings, frame.time_s)
@@ -81,11 +84,12 @@ def open_raw(source: Path, stated: Stated) -> Source:
 
 def _source(files: Sequence[Path], kind: Kind, camera: Camera, stated: Stated) -> Source:
     fps = stated.fps or NOMINAL_FPS
-    sensor = Sensor("sensor", camera, stated.unit(None), DEPTH_RANGE_M)
-    return Source(sensor, _frames(files, kind, camera, fps), times=_rate(fps), count=len(files))
+    sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m)
+    return Source(sensor, _frames(files, kind, camera, fps), times=rate_in_words(fps), count=len(files))
 
 
-def _rate(fps: float) -> str:
+def rate_in_words(fps: float) -> str:
+    """Where times come from that nobody knows."""
     return f"a nominal rate of {fps:g} Hz"
 
 
@@ -107,7 +111,26 @@ def source_files(source: Path, pattern: str) -> list[Path]:
     if not files:
         problem = f"has no files like {pattern}" if source.is_dir() else "does not exist"
         raise RecordingError(problem, where=source, remedy="name the folder that holds the depth images")
+    for file in files:
+        refuse_pointer(file)
     return files
+
+
+def refuse_pointer(file: Path) -> None:
+    """Refuse a file that Git LFS left in place of another.
+
+    Raises:
+        RecordingError: it is one.
+    """
+    if file.stat().st_size > _LARGEST_POINTER:
+        return
+    with file.open("rb") as opened:
+        if opened.read(len(_POINTER)) == _POINTER:
+            raise RecordingError(
+                "is a Git LFS pointer, a few lines that stand for the file itself",
+                where=file,
+                remedy="fetch the file with `git lfs pull`",
+            )
 
 
 def natural_order(files: Iterable[Path]) -> list[Path]:

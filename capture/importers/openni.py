@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from capture.camera import Camera
 from capture.errors import RecordingError
+from capture.importers.mirror import true_picture, unmirrored_camera
 from capture.importers.openni_codec import decode, decode_with_table
 from capture.importers.source import (
-    DEPTH_RANGE_M,
     ColourFrame,
     DepthFrame,
     Frames,
@@ -102,9 +102,9 @@ def open_oni(path: Path, stated: Stated) -> Source:
     try:
         width, height = depth.size
         check_size(width, height, where=path)
-        camera = stated.camera(width, height, own=_camera(depth), where=path)
+        camera = _true(depth, stated.camera(width, height, own=_camera(depth), where=path))
         colour_number, colour = next(((n, node) for n, node in nodes.items() if node.kind == _COLOUR), (None, None))
-        beside = None if colour is None or _pixels(colour) is None else Colour(_camera(colour))
+        beside = _colour(colour)
     except (struct.error, KeyError) as error:
         raise damaged(path, "the depth stream does not say how large its images are") from error
     unit = _UNITS_M.get(depth.whole("oniPixelFormat", 100))
@@ -118,7 +118,7 @@ def open_oni(path: Path, stated: Stated) -> Source:
             where=path,
             remedy="record it as 16z or without compression",
         )
-    sensor = Sensor("sensor", camera, stated.unit(unit), DEPTH_RANGE_M, colour=beside)
+    sensor = Sensor("sensor", camera, stated.unit(unit), stated.depth_range_m, colour=beside, mirrored=depth.mirrored)
     return Source(sensor, _frames(path, number, None if beside is None else colour_number), times="the file")
 
 
@@ -212,7 +212,7 @@ def _add(nodes: dict[int, _Node], number: int, fields: bytes) -> None:
 
 
 def _camera(node: _Node) -> Camera | None:
-    """The camera that the angles of view and the image size make; None if the file does not tell them."""
+    """The camera of a stream's images that the angles of view and their size make; None if the file tells none."""
     width, height = node.size
     told = node.properties.get("xnFOV", b"")
     if len(told) != 16:
@@ -225,9 +225,22 @@ def _camera(node: _Node) -> Camera | None:
         height,
         fx=width / 2.0 / math.tan(across / 2.0),
         fy=height / 2.0 / math.tan(down / 2.0),
-        cx=width / 2.0 - 1.0 if node.mirrored else width / 2.0,
+        cx=width / 2.0,
         cy=height / 2.0,
     )
+
+
+def _true(node: _Node, camera: Camera) -> Camera:
+    """The camera of a stream's images once they are turned back."""
+    return unmirrored_camera(camera) if node.mirrored else camera
+
+
+def _colour(node: _Node | None) -> Colour | None:
+    """What the file tells of the colour camera; None if its images are not read."""
+    if node is None or _pixels(node) is None:
+        return None
+    camera = _camera(node)
+    return Colour(None if camera is None else _true(node, camera))
 
 
 def _readings(node: _Node, payload: bytes) -> NDArray[np.uint16]:
@@ -263,12 +276,7 @@ def _pixels(node: _Node) -> Callable[[_Node, bytes, Path], NDArray[np.uint8] | b
 def _jpeg(node: _Node, payload: bytes, path: Path) -> NDArray[np.uint8] | bytes:
     if colour_image.size(payload, where=path) != node.size:
         raise ValueError("a colour image is not of the stream's size")
-    if not node.mirrored:
-        return payload
-    image = cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise ValueError("a colour image is no whole JPEG")
-    return np.ascontiguousarray(image[:, ::-1])
+    return true_picture(payload, path) if node.mirrored else payload
 
 
 def _rgb(node: _Node, payload: bytes, _: Path) -> NDArray[np.uint8]:

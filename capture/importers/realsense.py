@@ -14,7 +14,7 @@ import numpy as np
 
 from capture.camera import Camera
 from capture.errors import RecordingError
-from capture.importers.source import DEPTH_RANGE_M, Frames, Source, Stated
+from capture.importers.source import Frames, Source, Stated
 from capture.recording import Colour, Sensor
 from capture.rigid import Floats, inverse
 
@@ -65,7 +65,7 @@ def as_source(streams: Streams, frames: Frames, path: Path, stated: Stated, *, c
         poses = streams.depth_from_reference, streams.colour_from_reference
         moved = None if poses[0] is None or poses[1] is None else poses[1] @ inverse(poses[0])
         colour = Colour(_camera_or_none(streams.colour, path), moved)
-    sensor = Sensor("sensor", camera, stated.unit(streams.depth_unit_m), DEPTH_RANGE_M, colour=colour)
+    sensor = Sensor("sensor", camera, stated.unit(streams.depth_unit_m), stated.depth_range_m, colour=colour)
     return Source(sensor, frames, times="the file", count=count)
 
 

@@ -13,11 +13,14 @@ from capture.errors import RecordingError
 from capture.importers.formats import open_source
 from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.parts import Parts, ShownBox, Span
+from capture.importers.readings import Tally
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
 _EARLY_COLOUR = 8
 """How many colour images before the first depth frame are kept."""
+
+_NOTHING_STATED = Stated()
 
 Progress = Callable[[str, int, int | None], None]
 """Called after each depth frame with the sensor's name, how many have been read, and of how many (if known)."""
@@ -27,7 +30,7 @@ def import_recording(
     paths: Path | Sequence[Path],
     out: Path,
     *,
-    stated: Stated | None = None,
+    stated: Stated | Sequence[Stated] = _NOTHING_STATED,
     format_name: str | None = None,
     sensor_names: Sequence[str] = (),
     offset: Literal["motion", "clock"] | float = "motion",
@@ -35,13 +38,14 @@ def import_recording(
     seconds: Span | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
+    readings: Callable[[str, str], None] | None = None,
 ) -> Recording:
     """Make one recording of the files or folders of one or more sensors; time 0 is the first's first depth frame.
 
     Args:
         paths: one file or folder a sensor.
         out: the folder to make.
-        stated: what the user states of the cameras, of all alike.
+        stated: what the user states of the cameras: of all alike, or of each.
         format_name: what the files are, if not to be found out.
         sensor_names: the sensors' names [``sensor``, or ``sensor-1``, ``sensor-2``, ...].
         offset: of several sensors, by how much the first depth frame of each comes after that of the one before (s);
@@ -50,11 +54,12 @@ def import_recording(
         seconds: keep only what was recorded in this time, and the box's frames.
         overwrite: replace a recording that stands there already.
         progress: called after each frame.
+        readings: called with each sensor's name and what its readings are like, in words.
 
     Raises:
-        RecordingError: a file is missing, empty, damaged, of another kind, or without depth; too little is known of
-            the camera; motion tells no offset; no frames of the box, or of anything else, are at the stated times; or
-            ``out`` is in use.
+        RecordingError: a file is missing, empty, damaged, of another kind, or without depth; its readings are of no
+            use; too little is known of the camera; motion tells no offset; no frames of the box, or of anything else,
+            are at the stated times; or ``out`` is in use.
     """
     listed = [paths] if isinstance(paths, Path) else list(paths)
     names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
@@ -65,8 +70,12 @@ def import_recording(
             remedy="give --sensor once for each",
         )
 
+    each = [stated] * len(listed) if isinstance(stated, Stated) else list(stated)
+    of_path = dict(zip([*listed, *(box.paths if box is not None else ())], [*each, *each], strict=False))
+
     def opened(path: Path) -> Source:
-        return open_source(path, stated or Stated(), name=format_name)
+        source = open_source(path, of_path[path], name=format_name)
+        return replace(source, frames=Tally(source.sensor, path).watched(source.frames))
 
     shown = box.paths if box is not None and box.paths else ()
     if shown and len(shown) != len(listed):
@@ -76,11 +85,11 @@ def import_recording(
             remedy="give --box-source once for each",
         )
     parts = Parts(box.seconds if box is not None else None, seconds)
-    sources = [opened(path) for path in listed]
+    sources = [open_source(path, of_path[path], name=format_name) for path in listed]
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
-    what = " and ".join(f"{path.name}, times by {source.times}" for path, source in zip(listed, sources, strict=True))
+    what = " and ".join(_in_words(path, source) for path, source in zip(listed, sources, strict=True))
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
         if box is not None:
@@ -88,8 +97,18 @@ def import_recording(
         for path, sensor in zip(shown, sensors, strict=False):
             write_box_frames(writer, sensor, opened(path), path)
         for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
-            write_frames(writer, sensor, source, path, shift_s=shift, parts=parts, progress=progress)
+            tally = Tally(sensor, path)
+            watched = replace(source, frames=tally.watched(source.frames))
+            write_frames(writer, sensor, watched, path, shift_s=shift, parts=parts, progress=progress)
+            if readings is not None:
+                readings(sensor.name, tally.words())
     return open_recording(out)
+
+
+def _in_words(path: Path, source: Source) -> str:
+    """What a source is and how it was taken, for who looks at the recording later."""
+    turned = ", mirrored by the driver and turned back" if source.sensor.mirrored else ""
+    return f"{path.name}{turned}, times by {source.times}"
 
 
 def _first_time(source: Source, path: Path) -> float:

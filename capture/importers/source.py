@@ -19,8 +19,11 @@ from capture.recording.depth_png import LARGEST_PIXELS, LARGEST_SIDE
 
 T = TypeVar("T")
 
+LARGEST_READING = 65535
+"""Readings have 16 bits."""
+
 DEPTH_RANGE_M = (0.2, 4.0)
-"""Readings of imported recordings are trusted in this range."""
+"""Readings of imported recordings are trusted in this range unless another is stated."""
 
 NOMINAL_FPS = 30.0
 """The rate assumed when nobody knows when the frames were taken (Hz)."""
@@ -73,6 +76,10 @@ class Stated:
         depth_unit_m: what one step of a reading is worth.
         fps: nominal frame rate (Hz) of files without times.
         pattern: which files of a folder.
+        mirrored: whether the images are mirrored, left for right; the camera is stated of the images as they are.
+        axes: which way the axes of point clouds point, as ``x-right,y-up,z-back``.
+        disparity: whether the readings are raw disparities of a Kinect for Xbox 360.
+        depth_range_m: nearest and farthest depth to be trusted.
     """
 
     fx: float | None = None
@@ -84,6 +91,10 @@ class Stated:
     depth_unit_m: float | None = None
     fps: float | None = None
     pattern: str | None = None
+    mirrored: bool = False
+    axes: str | None = None
+    disparity: bool = False
+    depth_range_m: tuple[float, float] = DEPTH_RANGE_M
 
     def camera(self, width: int, height: int, *, own: Camera | None, where: Path) -> Camera:
         """The depth camera: as stated if a focal length is, else the file's own.
@@ -113,6 +124,15 @@ class Stated:
         if self.depth_unit_m is not None:
             return self.depth_unit_m
         return 0.001 if own is None else own
+
+
+def fine_unit(farthest_m: float) -> float:
+    """The unit (m) in which depth that comes in other numbers than readings is kept: 0.1 mm, or more where that ends.
+
+    >>> fine_unit(4.0), fine_unit(10.0)
+    (0.0001, 0.001)
+    """
+    return 0.0001 if farthest_m <= 0.0001 * LARGEST_READING else 0.001
 
 
 def check_size(width: int, height: int, *, where: Path) -> None:

@@ -63,6 +63,13 @@ class Checked:
             raise self.fail(f"'{self._name(key)}' must be text, got {value!r}")
         return value
 
+    def flag(self, key: str) -> bool:
+        """True or false."""
+        value = self.get(key)
+        if not isinstance(value, bool):
+            raise self.fail(f"'{self._name(key)}' must be true or false, got {value!r}")
+        return value
+
     def number(self, key: str, *, above: float = -math.inf) -> float:
         """A finite number greater than ``above``."""
         return self._number(self.get(key), self._name(key), above)

@@ -97,7 +97,8 @@ def read_calibration(file: Path, sensor_names: list[str]) -> Calibration | None:
         if name not in sensor_names:
             raise checked.fail(f"calibrates sensor {name!r}, which the recording does not have")
         details = {key: entry.value[key] for key in entry.value if key not in {"world_from_sensor", "residual_mm"}}
-        sensors[name] = SensorCalibration(_rigid(entry, "world_from_sensor"), entry.number("residual_mm"), details)
+        residual = None if entry.value.get("residual_mm") is None else entry.number("residual_mm")
+        sensors[name] = SensorCalibration(_rigid(entry, "world_from_sensor"), residual, details)
     return Calibration(sensors)
 
 
@@ -156,6 +157,7 @@ def _sensor(entry: Checked, folder: Path) -> Sensor:
         frames=_frames(home / FRAMES_FILE),
         box_frames=_frames(box_list) if box_list.is_file() else (),
         colour=None if entry.value.get("colour") is None else _colour(entry.object("colour"), home),
+        mirrored="mirrored" in entry.value and entry.flag("mirrored"),
     )
 
 

@@ -42,7 +42,11 @@ class Colour:
 
 @dataclass(frozen=True)
 class Sensor:
-    """One depth sensor: readings are multiples of ``depth_unit_m``, trusted inside ``depth_range_m`` (m)."""
+    """One depth sensor: readings are multiples of ``depth_unit_m``, trusted inside ``depth_range_m`` (m).
+
+    The images of a recording are always true ones; ``mirrored`` tells that the driver had mirrored them, left for
+    right, and that they and the camera were turned back when they came in.
+    """
 
     name: str
     camera: Camera
@@ -51,6 +55,7 @@ class Sensor:
     frames: tuple[FrameFile, ...] = ()
     box_frames: tuple[FrameFile, ...] = ()
     colour: Colour | None = None
+    mirrored: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +68,11 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class SensorCalibration:
-    """Where one sensor stands: (4, 4) rigid transform, residual (mm), and whatever else was recorded about it."""
+    """Where one sensor stands: (4, 4) rigid transform, residual of the box (mm; None if no box told), and whatever
+    else was recorded about it."""
 
     world_from_sensor: Floats
-    residual_mm: float
+    residual_mm: float | None
     details: Mapping[str, Any] = field(default_factory=dict)
 
 

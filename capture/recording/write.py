@@ -158,7 +158,7 @@ def write_calibration_file(path: Path, calibration: Calibration) -> None:
     sensors = {
         name: {
             "world_from_sensor": sensor.world_from_sensor.tolist(),
-            "residual_mm": float(sensor.residual_mm),
+            "residual_mm": None if sensor.residual_mm is None else float(sensor.residual_mm),
             **sensor.details,
         }
         for name, sensor in calibration.sensors.items()
@@ -168,13 +168,17 @@ def write_calibration_file(path: Path, calibration: Calibration) -> None:
 
 
 def _sensor_entry(sensor: Sensor) -> dict[str, Any]:
-    entry = {
+    entry: dict[str, Any] = {
         "name": sensor.name,
         "camera": asdict(sensor.camera),
         "depth_unit_m": sensor.depth_unit_m,
         "depth_range_m": list(sensor.depth_range_m),
     }
-    return entry if sensor.colour is None else {**entry, "colour": _colour_entry(sensor.colour)}
+    if sensor.mirrored:
+        entry["mirrored"] = True
+    if sensor.colour is not None:
+        entry["colour"] = _colour_entry(sensor.colour)
+    return entry
 
 
 def _colour_entry(colour: Colour) -> dict[str, Any]:

@@ -297,7 +297,7 @@ def _recording(recording: Recording) -> str:
         times = np.array([frame.time_s for frame in sensor.frames])
         rate = f"{1.0 / np.median(np.diff(times)):.1f}" if len(times) > 1 else "–"
         known = None if recording.calibration is None else recording.calibration.sensors.get(sensor.name)
-        residual = "–" if known is None else f"{known.residual_mm:.2f}"
+        residual = "–" if known is None or known.residual_mm is None else f"{known.residual_mm:.2f}"
         size = f"{sensor.camera.width} x {sensor.camera.height}"
         rows.append([sensor.name, size, str(len(times)), rate, residual])
     head = ["sensor", "image", "frames", "frames a second", "calibration residual (mm)"]
