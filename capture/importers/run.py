@@ -15,7 +15,7 @@ from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.parts import Parts, ShownBox, Span
 from capture.importers.readings import Tally
 from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
-from capture.recording import Recording, RecordingWriter, Sensor, open_recording
+from capture.recording import Recording, RecordingWriter, Sensor, open_recording, refuse_impossible_rates
 
 _EARLY_COLOUR = 8
 """How many colour images before the first depth frame are kept."""
@@ -102,7 +102,9 @@ def import_recording(
             write_frames(writer, sensor, watched, path, shift_s=shift, parts=parts, progress=progress)
             if readings is not None:
                 readings(sensor.name, tally.words())
-    return open_recording(out)
+    recording = open_recording(out)
+    refuse_impossible_rates(recording)
+    return recording
 
 
 def _in_words(path: Path, source: Source) -> str:
