@@ -35,6 +35,11 @@ class Subject:
     report: dict[str, Any] = field(repr=False)
 
     @property
+    def never_seen(self) -> tuple[str, ...]:
+        """Names of the bones that no pose showed when the subject was adapted: of these nothing is claimed."""
+        return tuple(self.report.get("bones_never_seen", ()))
+
+    @property
     def anatomy(self) -> Anatomy:
         """The anatomy the subject is made of."""
         return self.body.anatomy

@@ -15,6 +15,7 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
+from adapt.fit.never_seen import skin_of, without
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundSkin, find_skin, score_pose
@@ -250,7 +251,7 @@ class Tracker:
         """The frame that a fit makes, lost if fewer bones with skin show, and when each coordinate was last known."""
         anatomy = self.subject.anatomy
         found = find_skin(self.subject.body, target, fit.theta, self.sample)
-        shown = bones_shown(anatomy, found.bones)
+        shown = bones_shown(anatomy, found.bones) & ~np.isin([b.name for b in anatomy.bones], self.subject.never_seen)
         lost = _why_lost(fit, found, sum(shows(part) for part in found.bones.values()) < min(least, len(found.bones)))
         if lost:
             shown[:] = False
@@ -280,7 +281,8 @@ def make_tracker(subject: Subject) -> Tracker:
     """Prepare a subject for tracking."""
     adapted = [pose["median_distance_mm"] / 1e3 for pose in subject.report.get("poses", ())]
     usual_m = max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else LARGEST_RESIDUAL_M
-    return Tracker(subject, sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES), usual_m)
+    sample = sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES)
+    return Tracker(subject, without(sample, skin_of(subject.body, subject.never_seen)), usual_m)
 
 
 def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:

@@ -6,7 +6,7 @@ Every automatic choice can be overridden: the frames to adapt to, and their firs
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from adapt.fit.alternate import Adaptation, Progress, adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
 from adapt.fit.found import FoundPoses
+from adapt.fit.never_seen import never_seen, without
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
@@ -88,12 +89,14 @@ def adapt_recording(
             remedy="record more poses, narrow the region, or give first poses",
         )
     others: list[_Candidate] = []
+    lost = never_seen(body, [(c.target, c.pose.fit.theta) for c in usable], sample)
+    sample = without(sample, lost.skin)
     if frames is None:
         progress("choosing example poses")
         body, usable, others = _choose(body, usable, sample, poses)
     targets, thetas = [c.target for c in usable], np.array([c.pose.fit.theta for c in usable])
     unseen = [(c.target, c.pose.fit.theta) for c in others]
-    adaptation = adapt_body(body, targets, thetas, unseen=unseen, progress=progress)
+    adaptation = adapt_body(body, targets, thetas, unseen=unseen, gone=lost.skin, progress=progress)
     _refuse_a_collapsed_body(adaptation.body, recording)
     settings = {
         "versions": versions(),
@@ -103,7 +106,8 @@ def adapt_recording(
         "frames_given": None if frames is None else sorted(set(frames)),
         "first_poses_given": sorted(known),
     }
-    return _subject(adaptation, usable, settings)
+    subject = _subject(adaptation, usable, settings)
+    return replace(subject, report=subject.report | lost.report(anatomy))
 
 
 def _refuse_a_collapsed_body(body: Body, recording: Recording) -> None:
