@@ -106,6 +106,9 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: 
         raise AnatomyError(
             f"made with another template of {template.name}", where=path, remedy="adapt the subject again"
         )
+    unseen = report.get("bones_never_seen", [])
+    if not isinstance(unseen, list) or not set(map(str, unseen)) <= {bone.name for bone in template.bones}:
+        raise ValueError("bones of the anatomy are expected to have never been seen")
     try:
         body = make_body(template, shape=arrays["shape"], v_hat=template.skin_vertices + arrays["displacement"])
     except AnatomyError as error:

@@ -42,15 +42,17 @@ class NeverSeen:
 
 def never_seen(body: Body, poses: Sequence[tuple[Target, Floats]], sample: SkinSample) -> NeverSeen:
     """What none of K clouds with poses (n,) shows."""
+    with_skin: set[str] = set()
     shown: set[str] = set()
     looked_at, found = np.zeros(len(body.v_hat), dtype=bool), np.zeros(len(body.v_hat), dtype=bool)
     for target, theta in poses:
         parts = find_skin(body, target, theta, sample).bones
+        with_skin |= parts.keys()
         shown |= {name for name, part in parts.items() if part.in_sight >= _IN_SIGHT and part.coverage >= _FOUND}
         in_sight, near = skin_found(body, target, theta, sample)
         looked_at |= in_sight
         found |= near
-    bones = tuple(bone.name for bone in body.anatomy.bones if bone.name in parts and bone.name not in shown)
+    bones = tuple(bone.name for bone in body.anatomy.bones if bone.name in with_skin - shown)
     if not bones:
         return NeverSeen((), np.zeros(len(body.v_hat), dtype=bool))
     skin, absent = skin_of(body, bones), looked_at & ~found
