@@ -90,6 +90,9 @@ def print_subject(subject: Subject, out: Path) -> None:
     sizes = [f"{joint} {size['scale']:.2f} ± {size['sd']:.2f}" for joint, size in report["scales"].items()]
     stdout.print(f"size against the template: {', '.join(sizes)}", highlight=False)
     stdout.print(f"skin and cloud disagree by {report['noise_mm']:.1f} mm a patch of 3 cm", highlight=False)
+    if report.get("bones_never_seen"):
+        guesses = ", ".join(report["lengths_guessed"])
+        stdout.print(f"never seen: {', '.join(report['bones_never_seen'])}; how long these are is a guess: {guesses}")
     if report["landmarks_never_shown"]:
         stdout.print(f"never seen in any pose: {', '.join(report['landmarks_never_shown'])}")
     stdout.print(f"subject written to {out}")

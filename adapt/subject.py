@@ -35,6 +35,11 @@ class Subject:
     report: dict[str, Any] = field(repr=False)
 
     @property
+    def never_seen(self) -> tuple[str, ...]:
+        """Names of the bones that no pose showed when the subject was adapted: of these nothing is claimed."""
+        return tuple(self.report.get("bones_never_seen", ()))
+
+    @property
     def anatomy(self) -> Anatomy:
         """The anatomy the subject is made of."""
         return self.body.anatomy
@@ -109,6 +114,9 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: 
         raise AnatomyError(
             f"made with another template of {template.name}", where=path, remedy="adapt the subject again"
         )
+    unseen = report.get("bones_never_seen", [])
+    if not isinstance(unseen, list) or not set(map(str, unseen)) <= {bone.name for bone in template.bones}:
+        raise ValueError("bones of the anatomy are expected to have never been seen")
     try:
         body = make_body(template, shape=arrays["shape"], v_hat=template.skin_vertices + arrays["displacement"])
     except AnatomyError as error:

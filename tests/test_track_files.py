@@ -529,3 +529,12 @@ def test_tables_are_performed_at_their_liveliest_one_after_the_other(limb, tmp_p
     np.testing.assert_allclose(np.diff(performance.times), 1.0 / 30.0)
     for part in (performance.thetas[:30, elbow], performance.thetas[-30:, elbow]):
         assert np.ptp(part) > 0.45
+
+
+@pytest.mark.parametrize("unseen", [5, "hand", ["tail"], [["hand"]]])
+def test_a_subject_whose_unseen_bones_are_none_of_its_anatomy_is_refused(tmp_path, limb, unseen):
+    was = limb.subject
+    report = was.report | {"bones_never_seen": unseen}
+    save_subject(replace(was, report=report), tmp_path / "subject.npz")
+    with pytest.raises(AnatomyError, match="not a subject file"):
+        load_subject(tmp_path / "subject.npz")

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Floats
+from adapt.fit import alternate
+from adapt.fit.alternate import adapt_body
 from adapt.fit.certainty import body_covariance, unseen_noise
 from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, PATCH_M2, levenberg_marquardt
+from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseEnergy, PoseFit, fit_pose
 from adapt.fit.priors import shape_precision
 from adapt.fit.sample import SkinSample, sample_skin
@@ -168,3 +171,35 @@ def test_without_the_tissue_they_would_claim_too_much(limb, covariance):
     m = len(limb.subject.body.shape)
     z = z_scores(limb, covariance, covariance[:m, :m], draws=30)
     assert np.sqrt((z**2).mean()) > 1.2
+
+
+def test_noise_that_hangs_together_over_more_than_a_patch_counts_as_much_as_it_moves_bones(limb):
+    anatomy, rng = limb.subject.anatomy, np.random.default_rng(3)
+    sample = sample_skin(anatomy)
+    index = sample.vertices
+    blank = np.zeros((len(index), 3))
+
+    def noise_of(side_m: float, deviation_m: float) -> float:
+        cubes = np.unique(np.floor(anatomy.skin_vertices[index] / side_m).astype(int), axis=0, return_inverse=True)[1]
+        matches = [
+            Correspondences(index, blank, blank, deviation_m * rng.normal(size=cubes.max() + 1)[cubes.ravel()])
+            for _ in range(12)
+        ]
+        return patch_noise(anatomy, matches, sample, 0.0)
+
+    apart, together = noise_of(0.03, 0.0012), noise_of(0.06, 0.0012)
+    assert 0.0010 < apart < 0.0016
+    assert together > 1.4 * apart
+
+
+def test_a_body_is_adapted_by_the_noise_of_clouds_that_it_was_not_adapted_to(limb, monkeypatch):
+    trusts = []
+    monkeypatch.setattr(
+        alternate, "trusted", lambda sample, noise_m: trusts.append(noise_m) or trusted(sample, noise_m)
+    )
+    frames = [0, 3, 6, 9]
+    targets, thetas = [limb.targets[k] for k in frames], limb.thetas[frames]
+    monkeypatch.setattr(alternate, "unseen_noise", lambda *_: 0.0031)
+    found = adapt_body(limb.subject.body, targets, thetas, outer_rounds=2, unseen=[(targets[0], thetas[0])])
+    assert trusts[-1] == found.unseen_noise_m == 0.0031
+    assert found.noise_m < 0.0031

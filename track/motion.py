@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.fit.never_seen import ends
 from adapt.model.body import bone_transforms, joint_centres
 from adapt.subject import Subject
 from capture.errors import BonetrackError
@@ -82,6 +83,8 @@ def bones_and_centres(subject: Subject, thetas: Floats, shown: Bools) -> tuple[d
         transforms[name][~shows] = np.nan
     for name, known in centres_known(anatomy, shown).items():
         centres[name][~known] = np.nan
+    for name in ends(anatomy, subject.never_seen):
+        centres[name][:] = np.nan
     return transforms, centres
 
 

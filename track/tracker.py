@@ -17,6 +17,7 @@ from adapt.fit import judge
 from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
 from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
+from adapt.fit.never_seen import skin_of, without
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import score_pose
@@ -242,7 +243,7 @@ class Tracker:
         anatomy = self.subject.anatomy
         judged = judge_fit(self.subject.body, target, fit, self.sample, judge.FOLLOWED)
         found = judged.found
-        shown = bones_shown(anatomy, found.bones)
+        shown = bones_shown(anatomy, found.bones) & ~np.isin([b.name for b in anatomy.bones], self.subject.never_seen)
         too_few = sum(shows(part) for part in found.bones.values()) < min(least, len(found.bones))
         lost = judged.reason or ("too few bones show" if too_few else "")
         if lost:
@@ -266,7 +267,8 @@ def make_tracker(subject: Subject) -> Tracker:
     usual_m = (
         max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else judge.FOLLOWED.residual_m
     )
-    return Tracker(subject, sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES), usual_m)
+    sample = sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES)
+    return Tracker(subject, without(sample, skin_of(subject.body, subject.never_seen)), usual_m)
 
 
 def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:

@@ -1,4 +1,9 @@
-"""Algorithm 4: shape and poses, then the skin, and again (paper, section 3.3)."""
+"""Algorithm 4: shape and poses, then the skin, and again (paper, section 3.3).
+
+How far the data may pull the body away from what is known of bodies beforehand goes by the noise of clouds that it was
+not adapted to, where there are any. In its own clouds the skin bends to the noise and then seems to fit better than it
+does: a body adapted by that would be surer of them than its covariance, and farther off than it says.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +16,7 @@ from adapt.anatomy import Floats
 from adapt.fit.certainty import body_covariance, unseen_noise
 from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import SIGMA_M
+from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
 from adapt.fit.sample import sample_skin, weighted_by_tissue
@@ -53,18 +59,21 @@ def adapt_body(
     outer_rounds: int = _OUTER_ROUNDS,
     optimise_skin: bool = True,
     unseen: Sequence[tuple[Target, Floats]] = (),
+    gone: Bools | None = None,
     progress: Progress = lambda _: None,
 ) -> Adaptation:
     """Adapt ``body`` to K clouds from first poses ``thetas`` (K, n).
 
     ``unseen`` are further clouds with poses near theirs (n,): not adapted to, they tell how much to believe the others.
+    Skin (V,) that is ``gone`` takes no part (see ``adapt.fit.never_seen``).
 
     Raises:
         FitError: a pose finds too few correspondences.
     """
-    sample = sample_skin(body.anatomy)
+    sample = sample_skin(body.anatomy) if gone is None else without(sample_skin(body.anatomy), gone)
     bony = weighted_by_tissue(sample, body.anatomy)
-    noise_m = SIGMA_M
+    noise_m = own_noise_m = SIGMA_M
+    unseen_noise_m = None
     for outer in range(outer_rounds):
         progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
         fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m))
@@ -78,10 +87,14 @@ def adapt_body(
                 for target, theta in zip(targets, thetas, strict=True)
             ]
             body = fit_skin(body, thetas, matches, sample)
-        noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
+        own_noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
+        unseen_noise_m = unseen_noise(body, unseen, gone)
+        noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
     progress("final poses")
     fits = [fit_pose(body, target, theta, sample) for target, theta in zip(targets, thetas, strict=True)]
     progress("how sure the body is")
-    unseen_noise_m = unseen_noise(body, unseen)
-    covariance = body_covariance(body, fits, noise_m=noise_m if unseen_noise_m is None else unseen_noise_m)
-    return Adaptation(body, fits, covariance, noise_m, unseen_noise_m)
+    if not optimise_skin:
+        unseen_noise_m = unseen_noise(body, unseen, gone)
+        noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
+    covariance = body_covariance(body, fits, noise_m=noise_m)
+    return Adaptation(body, fits, covariance, own_noise_m, unseen_noise_m)

@@ -18,6 +18,7 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT
+from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose
 from adapt.fit.sample import sample_skin, weighted_by_tissue
@@ -45,12 +46,14 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> F
     return np.asarray(0.5 * (covariance + covariance.T))
 
 
-def unseen_noise(body: Body, unseen: Sequence[tuple[Target, Floats]]) -> float | None:
+def unseen_noise(body: Body, unseen: Sequence[tuple[Target, Floats]], gone: Bools | None = None) -> float | None:
     """The noise (m, see ``patch_noise``) in clouds that the body was not adapted to, from poses (n,) near theirs.
 
-    The median over the clouds, for some of the poses may be wrong; None where no cloud can be posed.
+    The median over the clouds, for some of the poses may be wrong; None where no cloud can be posed. Skin (V,) that is
+    ``gone`` takes no part.
     """
     sample, found = sample_skin(body.anatomy, at_most=_SAMPLED_VERTICES), []
+    sample = sample if gone is None else without(sample, gone)
     for target, theta in unseen:
         try:
             fit = fit_pose(body, target, theta, sample)

@@ -17,6 +17,7 @@ from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import PATCH_M2, SIGMA_M
 from adapt.fit.sample import SkinSample
 
+_WIDER = 2.0  # a sensor's noise hangs together over more than a patch: it counts as much as in patches so much wider
 _LEAST_M, _MOST_M = 0.00075, 0.004  # below and beyond these an estimate is not believed
 _LEAST_SHARE = 0.3  # a patch of which less was matched says little
 
@@ -24,15 +25,20 @@ _LEAST_SHARE = 0.3  # a patch of which less was matched says little
 def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: SkinSample, parameters: float) -> float:
     """Standard deviation (m) of a patch's mean distance from the cloud, along the normal, over K poses.
 
-    Patches are cubes of the rest skin with PATCH_M2 sides. ``parameters`` is how many of them the fit has used up:
-    what it could bend to the data no longer shows in the distances. Where too few vertices matched to fill a patch,
-    nothing speaks against the most.
+    Patches are cubes of the rest skin with PATCH_M2 sides. Were their means independent, those of wider cubes would
+    vary less by just as much as they are larger. Where they vary more, it is they that move a whole bone, and they
+    count. ``parameters`` is how many of them the fit has used up: what it could bend to the data no longer shows in
+    the distances. Where too few vertices matched to fill a patch, nothing speaks against the most.
     """
-    means = np.concatenate([_patch_means(anatomy, match, sample) for match in matches])
+    means, _ = _patch_means(anatomy, matches, sample, 1.0)
     if not len(means):
         return _MOST_M
     free = max(len(means) - parameters, 0.1 * len(means))
-    return float(np.clip(np.sqrt((means**2).sum() / free), _LEAST_M, _MOST_M))
+    variance = (means**2).sum() / free
+    wide, observations = _patch_means(anatomy, matches, sample, _WIDER)
+    if len(wide) > 2.0 * parameters:  # fewer tell more of the fit than of the noise
+        variance = max(variance, (observations * wide**2).sum() / (len(wide) - parameters))
+    return float(np.clip(np.sqrt(variance), _LEAST_M, _MOST_M))
 
 
 def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[float, int]:
@@ -41,7 +47,7 @@ def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[f
     NaN is what was not seen. A patch counts once, with the median over the poses in which it was seen: one pose that
     went astray does not decide.
     """
-    patch = _patches(anatomy)
+    patch = _patches(anatomy, 1.0)
     means = np.full((len(apart), patch.max() + 1), np.nan)
     for mean, distance in zip(means, apart, strict=True):
         weight = sample.observations * np.isfinite(distance)
@@ -54,18 +60,24 @@ def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[f
     return float(np.sqrt((np.nanmedian(np.abs(means[:, counted]), axis=0) ** 2).mean())), int(counted.sum())
 
 
-def _patch_means(anatomy: Anatomy, match: Correspondences, sample: SkinSample) -> Floats:
-    patch = _patches(anatomy)[match.vertex]
-    weight = sample.observations[match.vertex]
-    total = np.bincount(patch, weight)
-    mean = np.bincount(patch, weight * match.distance) / np.maximum(total, 1e-12)
-    return np.asarray(mean[total > _LEAST_SHARE])
+def _patch_means(
+    anatomy: Anatomy, matches: Sequence[Correspondences], sample: SkinSample, wider: float
+) -> tuple[Floats, Floats]:
+    """Mean distances (N,) m of patches, so many times ``wider``, over all poses, and their independent observations."""
+    means, observations = [], []
+    for match in matches:
+        patch, weight = _patches(anatomy, wider)[match.vertex], sample.observations[match.vertex]
+        total = np.bincount(patch, weight)
+        enough = total > _LEAST_SHARE * wider**2
+        means.append((np.bincount(patch, weight * match.distance) / np.maximum(total, 1e-12))[enough])
+        observations.append(total[enough])
+    return np.concatenate(means), np.concatenate(observations)
 
 
-@lru_cache(maxsize=4)
-def _patches(anatomy: Anatomy) -> Ints:
+@lru_cache(maxsize=8)
+def _patches(anatomy: Anatomy, wider: float) -> Ints:
     """The number (V,) of the patch that each skin vertex belongs to."""
-    cubes = np.floor(anatomy.skin_vertices / np.sqrt(PATCH_M2)).astype(np.int64)
+    cubes = np.floor(anatomy.skin_vertices / (wider * np.sqrt(PATCH_M2))).astype(np.int64)
     return np.asarray(np.unique(cubes, axis=0, return_inverse=True)[1]).ravel()
 
 

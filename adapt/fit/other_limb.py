@@ -73,9 +73,9 @@ def refuse_two_limbs(
         return
     rest, pose = second
     theirs = compare_sides(body.anatomy, [rest], pose.fit.theta[None], scale=scale)
-    if side is not None and theirs is not None and side.told and theirs.support < -TOLD:
-        if theirs.other_m < _ALIKE * side.asked_m:
-            return  # the other limb is of the other side
+    apart = side is not None and theirs is not None and side.told and theirs.support < -TOLD
+    if apart and side and theirs and theirs.other_m < _ALIKE * side.asked_m:
+        return  # the other limb is of the other side
     places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
     raise FitError(
         f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",

@@ -6,7 +6,7 @@ Every automatic choice can be overridden: the frames to adapt to, and their firs
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +18,7 @@ from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples, landmarks_shown
 from adapt.fit.found import FoundPoses
 from adapt.fit.judge import ADAPTED, judge_fit
+from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.other_limb import refuse_two_limbs
 from adapt.fit.pose import PoseFit, fit_pose
 from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_the_other_side
@@ -93,12 +94,14 @@ def adapt_recording(
             remedy="record more poses, narrow the region, or give first poses",
         )
     others: list[_Candidate] = []
+    lost = never_seen(body, [(c.target, c.pose.fit.theta) for c in usable], sample)
+    sample = without(sample, lost.skin)
     if frames is None:
         progress("choosing example poses")
         body, usable, others, again = _choose(body, usable, sample, poses)
         doubted |= again
-    side = _asked_side(body, usable, recording, sample, progress)
-    adaptation, usable, left_out = _adapted(body, usable, others, recording, progress)
+    side = _asked_side(body, usable, lost, recording, sample, progress)
+    adaptation, usable, left_out = _adapted(body, usable, others, lost, recording, progress)
     _refuse_a_collapsed_body(adaptation.body, recording)
     settings = {
         "versions": versions(),
@@ -109,17 +112,23 @@ def adapt_recording(
         "frames_given": None if frames is None else sorted(set(frames)),
         "first_poses_given": sorted(known),
     }
-    return _subject(adaptation, usable, settings, side, doubted | left_out)
+    subject = _subject(adaptation, usable, settings, side, lost, doubted | left_out)
+    return replace(subject, report=subject.report | lost.report(anatomy))
 
 
 def _asked_side(
-    body: Body, used: list[_Candidate], recording: Recording, sample: SkinSample, progress: Progress
+    body: Body,
+    used: list[_Candidate],
+    lost: NeverSeen,
+    recording: Recording,
+    sample: SkinSample,
+    progress: Progress,
 ) -> SideEvidence | None:
     """How well the example poses tell the asked side's limb from the other's, and from a second limb in sight."""
     progress("which side, and which limb")
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = float(np.median(body.shape[::4]))
-    side = compare_sides(body.anatomy, targets, thetas, scale=scale)
+    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
     try:
         refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)
     except FitError as error:
@@ -129,7 +138,12 @@ def _asked_side(
 
 
 def _adapted(
-    body: Body, used: list[_Candidate], others: list[_Candidate], recording: Recording, progress: Progress
+    body: Body,
+    used: list[_Candidate],
+    others: list[_Candidate],
+    lost: NeverSeen,
+    recording: Recording,
+    progress: Progress,
 ) -> tuple[Adaptation, list[_Candidate], dict[float, str]]:
     """Algorithm 4, the poses it rests on, and by their times those that failed the judge; without these it is redone.
 
@@ -138,8 +152,8 @@ def _adapted(
     """
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     unseen = [(c.target, c.pose.fit.theta) for c in others]
-    adaptation = adapt_body(body, targets, thetas, unseen=unseen, progress=progress)
-    whole = sample_skin(body.anatomy)
+    adaptation = adapt_body(body, targets, thetas, unseen=unseen, gone=lost.skin, progress=progress)
+    whole = without(sample_skin(body.anatomy), lost.skin)
     judged = [judge_fit(adaptation.body, *pose, whole, ADAPTED) for pose in zip(targets, adaptation.fits, strict=True)]
     failed = {c.instant.time_s: judgement.reason for c, judgement in zip(used, judged, strict=True) if judgement.reason}
     if not failed:
@@ -152,7 +166,7 @@ def _adapted(
             remedy="is it the person, with the region, the unit and the focal length right? Choose other frames, "
             "or give first poses",
         )
-    adaptation, kept, further = _adapted(body, kept, others, recording, progress)
+    adaptation, kept, further = _adapted(body, kept, others, lost, recording, progress)
     return adaptation, kept, failed | further
 
 
@@ -347,10 +361,11 @@ def _subject(
     used: list[_Candidate],
     settings: dict[str, Any],
     side: SideEvidence | None,
+    lost: NeverSeen,
     left_out: Mapping[float, str],
 ) -> Subject:
     body = adaptation.body
-    sample = sample_skin(body.anatomy)
+    sample = without(sample_skin(body.anatomy), lost.skin)
     shown = landmarks_shown(body, adaptation.fits, sample)
     report = {
         "poses": [_pose_report(body, *pose, sample) for pose in zip(used, adaptation.fits, strict=True)],

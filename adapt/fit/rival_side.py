@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
 from adapt.fit.forms import joint_coordinates
+from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_misfit
 from adapt.fit.priors import shape_precision
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
@@ -81,15 +82,18 @@ def refuse_the_other_side(evidence: SideEvidence | None, anatomy: Anatomy, *, wh
     )
 
 
-def compare_sides(anatomy: Anatomy, targets: Sequence[Target], thetas: Floats, *, scale: float) -> SideEvidence | None:
+def compare_sides(
+    anatomy: Anatomy, targets: Sequence[Target], thetas: Floats, *, scale: float, gone: Bools | None = None
+) -> SideEvidence | None:
     """Fit an anatomy and its mirror image to K clouds, near the poses (K, n) of a body of that ``scale``.
 
-    None where either fits nowhere.
+    ``gone`` (V,) is skin that takes no part. None where either side fits nowhere.
     """
     asked = _similar(anatomy, scale)
     other = mirrored_body(asked)
-    sample = sample_skin(anatomy, at_most=_SAMPLED_VERTICES)
-    mirrored_sample = sample_skin(other.anatomy, at_most=_SAMPLED_VERTICES)
+    gone = np.zeros(len(anatomy.skin_vertices), dtype=bool) if gone is None else gone
+    sample = without(sample_skin(anatomy, at_most=_SAMPLED_VERTICES), gone)
+    mirrored_sample = without(sample_skin(other.anatomy, at_most=_SAMPLED_VERTICES), gone)
     laid = [_pose_of_other(asked, other, *pose, mirrored_sample) for pose in zip(targets, thetas, strict=True)]
     poses = [
         (target, theta, rival) for target, theta, rival in zip(targets, thetas, laid, strict=True) if rival is not None

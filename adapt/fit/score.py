@@ -119,6 +119,18 @@ def skin_apart(body: Body, target: Target, theta: Floats, sample: SkinSample, *,
     return apart
 
 
+def skin_found(
+    body: Body, target: Target, theta: Floats, sample: SkinSample
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which vertices (V,) of a posed skin are in sight, and which of those are found; only the sample's are asked."""
+    skin = pose_skin(body, theta)
+    sight = _sight(target, skin[sample.vertices], sample.normals(skin)[sample.vertices])
+    in_sight, found = np.zeros(len(skin), dtype=bool), np.zeros(len(skin), dtype=bool)
+    in_sight[sample.vertices] = sight.in_sight
+    found[sample.vertices] = sight.in_sight & (sight.distance < _NEAR_M)
+    return in_sight, found
+
+
 def _parts(sight: _Sight, shares: Floats) -> list[FoundPart]:
     """What is found of parts of the skin, each by what its vertices count (N, K)."""
     shown = shares * sight.in_sight[:, None]

@@ -31,6 +31,7 @@ from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
 from adapt.model.variation import Points
 from adapt.tissue import TissueField, tissue_field
 
+_LEAST_KNOWN = 1.0  # curvature by a pose: what no skin in sight tells is known to 1 rad or 1 m
 _STILL = 2e-4  # rad, m, and the scales' 1: what moves less between two updates has converged
 
 
@@ -140,7 +141,7 @@ class ShapeEnergy:
             gradient[index] += data.gradient
             gradient[of.pose(k)] += limits.gradient
             hessian[np.ix_(index, index)] += data.hessian
-            hessian[of.pose(k), of.pose(k)] += limits.hessian
+            hessian[of.pose(k), of.pose(k)] += limits.hessian + _LEAST_KNOWN * np.eye(of.n)
         return Quadratic(energy, gradient, hessian)
 
     def value(self, x: Floats) -> float:

@@ -37,8 +37,8 @@ class AffineSet:
     def uniform(self, scale: float) -> Floats:
         """The shape (4J,) of the template grown or shrunk as a whole, about its first group's centre.
 
-        >>> AffineSet(("hip", "knee"), np.array([[0.0, 0, 0], [0, -0.4, 0]]), np.zeros(8), np.eye(8)).uniform(0.5)
-        array([0.5, 0. , 0. , 0. , 0.5, 0. , 0.2, 0. ])
+        >>> AffineSet(("hip", "knee"), np.array([[1.0, 1, 1], [1, 1.4, 1]]), np.zeros(8), np.eye(8)).uniform(1.5)
+        array([1.5, 0. , 0. , 0. , 1.5, 0. , 0.2, 0. ])
         """
         shift = (scale - 1.0) * (self.centres - self.centres[0])
         return np.column_stack([np.full(len(self.groups), scale), shift]).ravel()

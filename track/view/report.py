@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from adapt.fit.never_seen import guessed_lengths
 from adapt.model.body import rest_theta
 from adapt.subject import Subject, doubts
 from capture.files import replaced_when_complete
@@ -146,6 +147,10 @@ def _fit(subject: Subject) -> str:
         table("Size at each joint against the template (1 is the template's)", ["joint", "size", "± 1 SD"], sizes),
         paragraph(f"Skin and points disagree by {report['noise_mm']:.1f} mm in patches of 3 cm."),
     ]
+    if subject.never_seen:
+        guesses = ", ".join(guessed_lengths(subject.anatomy, subject.never_seen))
+        words = f"Never seen, so that nothing is claimed of them: {', '.join(subject.never_seen)}. "
+        parts.append(paragraph(f"{words}How long these are is a guess: {guesses}."))
     if unseen:
         words = "No sensor saw the skin near these landmarks in any example pose, so their places are the template's "
         parts.append(paragraph(f"{words}scaled: {', '.join(unseen)}."))
