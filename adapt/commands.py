@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from capture.commands import region_option
+from capture.commands import near_option, region_option
 from capture.console import stdout
 
 
@@ -25,6 +25,7 @@ from capture.console import stdout
     help="CSV with a column `frame` and coordinates (rad, m): first poses instead of the automatic search.",
 )
 @region_option
+@near_option
 def adapt_command(
     recording: Path,
     anatomy: str,
@@ -33,12 +34,13 @@ def adapt_command(
     frames: str | None,
     first_poses: Path | None,
     region: tuple[float, ...] | None,
+    near: tuple[float, ...] | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
     from adapt.anatomy import load_anatomy
     from adapt.fit.first_poses import read_first_poses
     from adapt.run import adapt_into
-    from capture.commands import as_region
+    from capture.commands import region_near
     from capture.recording import open_recording
 
     template = load_anatomy(anatomy)
@@ -53,7 +55,7 @@ def adapt_command(
             poses=poses,
             frames=chosen,
             first_poses=given,
-            region=as_region(region),
+            region=region_near(opened, region, near),
             progress=status.update,
         )
     print_subject(subject.report, out)
