@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from capture.commands import region_option
+from capture.commands import near_option, region_option
 from capture.console import stdout
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     help="CSV with a column `frame` and coordinates (rad, m): first poses instead of the automatic search.",
 )
 @region_option
+@near_option
 def adapt_command(
     recording: Path,
     anatomy: str,
@@ -37,12 +38,13 @@ def adapt_command(
     frames: str | None,
     first_poses: Path | None,
     region: tuple[float, ...] | None,
+    near: tuple[float, ...] | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
     from adapt.anatomy import load_anatomy
     from adapt.fit.first_poses import read_first_poses
     from adapt.run import adapt_into
-    from capture.commands import as_region
+    from capture.commands import region_near
     from capture.recording import open_recording
 
     template = load_anatomy(anatomy)
@@ -57,7 +59,7 @@ def adapt_command(
             poses=poses,
             frames=chosen,
             first_poses=given,
-            region=as_region(region),
+            region=region_near(opened, region, near),
             progress=status.update,
         )
     print_subject(subject, out)

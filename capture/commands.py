@@ -54,6 +54,41 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
     return Region(minimum, maximum)
 
 
+def near_option(command: Command) -> Command:
+    """Add the option ``--near``; ``region_near`` turns it and ``--region`` into a Region."""
+    option = click.option(
+        "--near",
+        nargs=3,
+        type=float,
+        default=None,
+        metavar="X Y Z",
+        help="Of several people in view, keep the one nearest to this point of the common frame (m).",
+    )
+    return option(command)
+
+
+def region_near(
+    recording: Recording, region: tuple[float, ...] | None, near: tuple[float, ...] | None
+) -> Region | None:
+    """The region that the options ``--region`` and ``--near`` state; None where neither is given.
+
+    Raises:
+        click.BadParameter: both are given, a point is not finite, or see ``as_region``.
+        CloudError: see ``automatic_region``.
+    """
+    if near is None:
+        return as_region(region)
+    if region is not None:
+        raise click.BadParameter("give either a region or a point, not both", param_hint="--near")
+    if not all(math.isfinite(value) for value in near):
+        raise click.BadParameter("needs three finite numbers", param_hint="--near")
+    import numpy as np
+
+    from capture.cloud.region import automatic_region
+
+    return automatic_region(recording, near=np.array(near))
+
+
 def box_options(command: Command) -> Command:
     """Add the options ``--box`` and ``--box-seconds``: which frames show the calibration box."""
     sides = click.option(
@@ -445,8 +480,13 @@ def _print_calibration(calibration: Calibration) -> None:
 @click.option("--frame", type=click.IntRange(0), required=True, help="Which instant, counted from 0.")
 @click.option("--out", type=_PATH, required=True, help="The point cloud to write (.ply).")
 @region_option
-def fuse_command(recording: Path, frame: int, out: Path, region: tuple[float, ...] | None) -> None:
+@near_option
+def fuse_command(
+    recording: Path, frame: int, out: Path, region: tuple[float, ...] | None, near: tuple[float, ...] | None
+) -> None:
     """Write the point cloud of one instant of RECORDING: cleaned, culled, with normals."""
+    import numpy as np
+
     from capture.cloud.fuse import fuse, write_ply
     from capture.recording import instants, open_recording
 
@@ -454,7 +494,7 @@ def fuse_command(recording: Path, frame: int, out: Path, region: tuple[float, ..
     every = instants(opened)
     if frame >= len(every):
         raise RecordingError(f"has no frame {frame}", where=recording, remedy=f"its frames are 0 to {len(every) - 1}")
-    cloud = fuse(opened, every[frame], region=as_region(region))
+    cloud = fuse(opened, every[frame], region=region_near(opened, region, near))
     write_ply(cloud, out)
     if opened.common_frame_is_sensor:
         stdout.print("not calibrated: coordinates are the sensor's own (x right, y down, z forward)", highlight=False)
@@ -464,3 +504,13 @@ def fuse_command(recording: Path, frame: int, out: Path, region: tuple[float, ..
         highlight=False,
         soft_wrap=True,
     )
+    sides = " x ".join(f"{side:.2f}" for side in cloud.points.max(axis=0) - cloud.points.min(axis=0))
+    stdout.print(f"extent {sides} m", highlight=False, soft_wrap=True)
+    for number, view in enumerate(cloud.views):
+        apart = cloud.points[cloud.sensor == number] - view.world_from_sensor[:3, 3]
+        told = (
+            f"{float(np.median(np.linalg.norm(apart, axis=1))):.2f} m away (median)"
+            if len(apart)
+            else "saw nothing of it"
+        )
+        stdout.print(f"{view.sensor}: {told}", highlight=False, soft_wrap=True)

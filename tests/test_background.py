@@ -7,6 +7,7 @@ import numpy as np
 from capture.cloud.fuse import fuse
 from capture.cloud.preprocess import clean_depth
 from capture.recording import Instant, Recording, RecordingWriter, Region, instants, open_recording, read_depth
+from tests.analytic_depth import plane
 from tests.test_region import FLOOR, SENSOR, WALL, ball, scene
 from tests.two_sensors import write_limb
 
@@ -36,3 +37,14 @@ def test_an_image_without_floor_or_wall_stays_as_it_is(tmp_path):
     for view in cloud.views:
         sensor = recording.sensor(view.sensor)
         assert np.array_equal(view.depth, clean_depth(read_depth(sensor, instant.frames[view.sensor]), sensor.camera))
+
+
+def test_a_noisy_wall_far_away_goes_and_who_stands_before_it_stays(tmp_path):
+    random = np.random.default_rng(0)
+    camera = SENSOR.camera
+    image = scene(plane(camera, np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 3.6])), ball(0.0, 0.0, 2.4, RADIUS_M))
+    noisy = np.where(image > 0.0, image + random.normal(0.0, 0.0015, image.shape) * image**2, 0.0)
+    recording, instant = recorded(tmp_path / "rec", noisy.astype(np.float32))
+    cloud = fuse(recording, instant, region=EVERYWHERE)
+    assert cloud.points[:, 2].max() < 2.6
+    assert len(cloud.points) * 0.0075**2 > 0.5 * np.pi * RADIUS_M**2

@@ -96,3 +96,25 @@ def test_the_plane_with_the_most_points_is_found():
     on_plane = np.column_stack([random.uniform(-1, 1, (400, 2)), 0.5 + random.normal(0, 0.003, 400)])
     found = largest_plane(np.concatenate([on_plane, random.uniform(-1, 1, (300, 3))]))
     np.testing.assert_allclose(found * np.sign(found[2]), [0.0, 0.0, 1.0, -0.5], atol=0.02)
+
+
+def two_people(path):
+    with RecordingWriter(path, sensors=[SENSOR], created_by="test") as writer:
+        writer.add_frame("s", scene(ball(-0.6, 0.0, 1.4, 0.25), ball(0.7, 0.0, 1.8, 0.25)), 0.0)
+    return open_recording(path)
+
+
+def test_of_two_people_the_one_near_the_stated_point_is_kept(tmp_path):
+    recording = two_people(tmp_path / "rec")
+    for x, z in ((-0.6, 1.4), (0.7, 1.8)):
+        region = automatic_region(recording, near=np.array([x, 0.0, z]))
+        assert region.minimum[0] < x < region.maximum[0]
+        assert region.maximum[0] - region.minimum[0] < 0.8
+
+
+def test_a_room_that_grew_together_with_the_person_is_refused_with_its_size(tmp_path):
+    row = [ball(0.35 * k, 0.0, 2.6, 0.25) for k in range(-4, 5)]
+    with RecordingWriter(tmp_path / "rec", sensors=[SENSOR], created_by="test") as writer:
+        writer.add_frame("s", scene(*row), 0.0)
+    with pytest.raises(CloudError, match=r"larger than a person; .*--region"):
+        automatic_region(open_recording(tmp_path / "rec"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from adapt.commands import print_frames_used
-from capture.commands import as_region, region_option
+from capture.commands import near_option, region_near, region_option
 from capture.console import stdout
 
 _PATH = click.Path(path_type=Path)
@@ -25,6 +25,7 @@ _PATH = click.Path(path_type=Path)
     help="Poses set by hand (JSON, from `bonetrack view`): tracking starts from each, onward and back into the gap.",
 )
 @region_option
+@near_option
 def track_command(
     recording: Path,
     subject: Path,
@@ -33,6 +34,7 @@ def track_command(
     thorax: Path | None,
     poses: Path | None,
     region: tuple[float, ...] | None,
+    near: tuple[float, ...] | None,
 ) -> None:
     """Track SUBJECT through RECORDING; a run that was cut short goes on where it stopped."""
     from rich.progress import Progress
@@ -53,7 +55,7 @@ def track_command(
             opened,
             person,
             out,
-            region=as_region(region),
+            region=region_near(opened, region, near),
             poses=by_hand,
             world_from_thorax=frame,
             progress=lambda done, total: bar.update(task, completed=done, total=total),

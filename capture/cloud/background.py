@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera import Camera, backproject
-from capture.cloud.preprocess import Image, clean_depth
+from capture.cloud.preprocess import DEPTH_STEP, Image, clean_depth
 from capture.recording import Instant, Recording, instants, read_depth
 from capture.rigid import Floats
 
 _TOLERANCE_M = 0.02
+_TOLERANCE_STEPS = 2.0 * DEPTH_STEP  # 1 / m: two steps of a reading, more than 2 cm beyond 1.9 m
 _SHARE = 0.25  # of the readings left
 _SIDES_M = (1.2, 0.6)  # larger than any flat side of a person
 _TRIALS = 200
@@ -50,7 +51,7 @@ def large_planes(depth: Image, camera: Camera) -> tuple[Floats, ...]:
     planes: list[Floats] = []
     while len(points) >= 3 and len(planes) < _MOST:
         plane = largest_plane(some_of(points))
-        on_plane = _distance(points, plane) < _TOLERANCE_M
+        on_plane = _distance(points, plane) < _tolerance(points)
         if on_plane.mean() < _SHARE or not _is_large(points[on_plane]):
             break
         planes.append(plane)
@@ -64,21 +65,21 @@ def without_planes(depth: Image, camera: Camera, planes: tuple[Floats, ...]) -> 
         return depth
     points, kept = backproject(camera, depth), depth.copy()
     for plane in planes:
-        kept[_distance(points, plane) < _TOLERANCE_M] = 0.0
+        kept[_distance(points, plane) < _tolerance(points)] = 0.0
     return clean_depth(kept, camera)
 
 
 def largest_plane(points: Floats) -> Floats:
-    """The plane (4,), n . x + d = 0 with |n| = 1, that has the most of the points (N, 3) within 2 cm (RANSAC)."""
+    """The plane (4,), n . x + d = 0 with |n| = 1, that has the most of the points (N, 3) within tolerance (RANSAC)."""
     random = np.random.default_rng(0)
     corner = points[random.integers(len(points), size=(_TRIALS, 3))]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal /= np.where(length > 0.0, length, 1.0)
     offset = -(normal * corner[:, 0]).sum(axis=1)
-    votes = (np.abs(points @ normal.T + offset) < _TOLERANCE_M).sum(axis=0)
+    votes = (np.abs(points @ normal.T + offset) < _tolerance(points)[:, None]).sum(axis=0)
     best = int(np.argmax(np.where(length[:, 0] > 0.0, votes, -1)))
-    on_plane = points[np.abs(points @ normal[best] + offset[best]) < _TOLERANCE_M]
+    on_plane = points[np.abs(points @ normal[best] + offset[best]) < _tolerance(points)]
     centre = on_plane.mean(axis=0)
     refined = np.linalg.svd(on_plane - centre, full_matrices=False)[2][2]
     return np.append(refined, -refined @ centre)
@@ -91,6 +92,11 @@ def some_of(points: NDArray[np.float64]) -> Floats:
 
 def _distance(points: Floats, plane: Floats) -> Floats:
     return np.asarray(np.abs(points @ plane[:3] + plane[3]))
+
+
+def _tolerance(points: Floats) -> Floats:
+    """How far (...) (m) off a plane each of points (..., 3) of it may be read: noise grows with the square of depth."""
+    return np.asarray(np.maximum(_TOLERANCE_M, _TOLERANCE_STEPS * points[..., 2] ** 2))
 
 
 def _is_large(points: Floats) -> bool:

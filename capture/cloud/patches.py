@@ -11,7 +11,9 @@ of the window's radius r, and q = z0 (1 - z0 / z) (metres along the ray, equal t
 The quadratic terms keep a curved limb where it is and its normals true at the silhouette, where only one side has
 readings; s is the reading's noise, B and C are how steep and how curved skin can be expected to be, and keep fits
 to few pixels sane. The weights w fall with distance from the pixel, the same for all pixels; the gates g leave out
-readings of other surfaces: at first those outside a cone around the pixel, then those far from the first patch.
+readings of other surfaces: at first those outside a cone around the pixel, then those far from the first patch. How
+far that is follows the readings: where a sensor is so much noisier than assumed that hardly any reading would be left,
+it is doubled until enough are.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ _EXPECTED_SLOPE = 2.0  # B, metres along the ray per metre across it
 _EXPECTED_CURVATURE = 25.0  # C (1 / m): a limb of 4 cm radius
 _NOISE_STEPS = 0.3  # standard deviation of even rounding, in steps
 _FARTHEST_RESIDUAL = 8.0  # in standard deviations; beyond it the second pass leaves a reading out
+_LEAST_SUPPORT = 0.1  # of the first pass's weight that the second has to keep
 _PAIRS = np.tril_indices(6)
 _KNOWN = np.zeros((6, 6), dtype=np.bool_)  # pairs of terms of which another pair has the product, but for a factor
 _KNOWN[[3, 4, 5, 4, 5, 5], [0, 0, 0, 1, 1, 3]] = True
@@ -80,6 +83,7 @@ def _fit_each(
     """Both passes, pixel by pixel: of depth (flat), at ``corners`` (N,) with the window's ``steps`` (K,)."""
     one, two = np.float32(1.0), np.float32(2.0 * DEPTH_STEP)
     q, gates = np.zeros(len(steps), dtype=np.float32), np.zeros(len(steps), dtype=np.float32)
+    squared = np.zeros(len(steps), dtype=np.float32)
     normal, known = np.zeros((6, 6)), np.zeros(6, dtype=np.float32)
     for m in range(len(corners)):
         z0 = depth[corners[m]]
@@ -92,16 +96,29 @@ def _fit_each(
         for j in range(6):
             known[j] = fit[m, j]
         per_noise = one / (np.float32(_FARTHEST_RESIDUAL) * noise)
+        before, kept = np.float32(0.0), np.float32(0.0)
         for k in range(len(steps)):
             off = q[k] - known[0] * terms[0, k] - known[1] * terms[1, k] - known[2] * terms[2, k]
             off = (off - known[3] * terms[3, k] - known[4] * terms[4, k] - known[5] * terms[5, k]) * per_noise
-            gates[k] *= max(one - off * off, np.float32(0.0))
+            squared[k] = off * off
+            before += gates[k] * products[0, k]
+            kept += gates[k] * products[0, k] * max(one - squared[k], np.float32(0.0))
+        while kept < np.float32(_LEAST_SUPPORT) * before:
+            kept = np.float32(0.0)
+            for k in range(len(steps)):
+                squared[k] *= np.float32(0.25)
+                kept += gates[k] * products[0, k] * max(one - squared[k], np.float32(0.0))
+        for k in range(len(steps)):
+            gates[k] *= max(one - squared[k], np.float32(0.0))
         _solve(q, gates, products, z0, noise, normal, fit[m])
 
 
 @compiled_sums
 def _solve(q: Image, gates: Image, products: Image, z0: float, noise: float, normal: Floats, fit: Floats) -> None:
-    """One pass of one patch: the normal equations, and their solution (6,) by Cholesky's factors."""
+    """One pass of one patch: the normal equations, and their solution (6,) by Cholesky's factors.
+
+    No pivot is below its prior but for rounding, and rounding must not take a root of less than nothing.
+    """
     for i in range(6):
         total = np.float32(0.0)
         for k in range(len(q)):
@@ -119,15 +136,16 @@ def _solve(q: Image, gates: Image, products: Image, z0: float, noise: float, nor
     normal[3, 0], normal[4, 0], normal[5, 0] = 0.5 * normal[1, 1], normal[2, 1], 0.5 * normal[2, 2]
     normal[4, 1], normal[5, 1], normal[5, 3] = 2.0 * normal[3, 2], 0.5 * normal[4, 2], 0.25 * normal[4, 4]
     radius_m = SMOOTHING_ANGLE * z0
-    for i in range(1, 6):
-        expected = _EXPECTED_SLOPE * radius_m if i < 3 else _EXPECTED_CURVATURE * radius_m**2
-        normal[i, i] += (noise / expected) ** 2
+    slope = (noise / (_EXPECTED_SLOPE * radius_m)) ** 2
+    curvature = (noise / (_EXPECTED_CURVATURE * radius_m**2)) ** 2
     for i in range(6):
+        prior = 0.0 if i == 0 else slope if i < 3 else curvature
+        normal[i, i] += prior
         for j in range(i + 1):
             rest = normal[i, j]
             for k in range(j):
                 rest -= normal[i, k] * normal[j, k]
-            normal[i, j] = np.sqrt(rest) if i == j else rest / normal[j, j]
+            normal[i, j] = np.sqrt(max(rest, prior)) if i == j else rest / normal[j, j]
         for k in range(i):
             fit[i] -= normal[i, k] * fit[k]
         fit[i] /= normal[i, i]
@@ -154,6 +172,12 @@ def fit_patches_by_arrays(depth: Image, pixels: Pixels, *, radius_px: int, focal
         normal[:, _PAIRS[0], _PAIRS[1]] = normal[:, _PAIRS[1], _PAIRS[0]] = gates @ products[6:].T
         normal[:, np.arange(6), np.arange(6)] += prior
         fit = np.linalg.solve(normal, ((q * gates) @ products[:6].T)[..., None])[..., 0]
-        off = (q - fit @ terms) / (_FARTHEST_RESIDUAL * noise)
-        gates = gates * np.maximum(1.0 - off * off, 0.0)
+        squared = ((q - fit @ terms) / (_FARTHEST_RESIDUAL * noise)) ** 2
+        while True:
+            kept = gates * np.maximum(1.0 - squared, 0.0)
+            lost = kept @ products[0] < _LEAST_SUPPORT * (gates @ products[0])
+            if not lost.any():
+                break
+            squared[lost] *= 0.25
+        gates = kept
     return np.asarray(fit)

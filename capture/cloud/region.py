@@ -26,19 +26,26 @@ from capture.rigid import Floats, apply
 MARGIN_M = 0.10
 INSTANTS_LOOKED_AT = 12
 
+_LARGEST_PERSON_M = 2.4  # the longest side of a box around one person at one instant, arms stretched out
+
 _LARGE_PATCH_M2 = 0.005  # a fist covers about this much
 _MAIN_PATCH_SHARE = 0.25  # of the largest patch's area: the nearest patch of at least this is the person
 _REACH_M = 0.25  # patches closer than this to the person belong to the person
 _REACH_FORWARD_M = 0.60  # the same for patches nearer to the sensor: a fist may hide the arm behind it
 
 
-def automatic_region(recording: Recording, at: Sequence[Instant] | None = None) -> Region:
+def automatic_region(
+    recording: Recording, at: Sequence[Instant] | None = None, *, near: Floats | None = None
+) -> Region:
     """The box in the common frame, with a margin, that holds the person in all the given instants.
 
-    Default: a dozen instants spread over the recording.
+    Args:
+        recording: what was recorded.
+        at: the instants; default: a dozen spread over the recording.
+        near: a point (3,) (m, common frame); of several people the one whose box is nearest to it is kept.
 
     Raises:
-        CloudError: no person-like patch in any of them.
+        CloudError: no person-like patch in any of them, or what is found is larger than a person.
         RecordingError: an image cannot be read.
         CalibrationError: where a sensor stands is not known.
     """
@@ -54,15 +61,17 @@ def automatic_region(recording: Recording, at: Sequence[Instant] | None = None) 
             where=recording.path,
             remedy="state the region in recording.json",
         )
-    subject = _subject(seen)
+    subject = _subject(seen, near)
+    _refuse_larger_than_a_person(recording, subject)
     minimum, maximum = (np.stack([getattr(person, end) for person in subject]) for end in ("minimum", "maximum"))
     return Region(minimum.min(axis=0) - MARGIN_M, maximum.max(axis=0) + MARGIN_M)
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Smallest and largest coordinates (3,) of what one image shows of somebody, in the common frame."""
+    """Smallest and largest coordinates (3,) of what one image shows of somebody at one time, in the common frame."""
 
+    time_s: float
     minimum: Floats
     maximum: Floats
     nearest_area_m2: float  # 0 for all but the nearest in the image
@@ -74,20 +83,40 @@ def _people_seen(recording: Recording, instant: Instant) -> list[_Seen]:
         sensor = recording.sensor(name)
         for number, (area, points) in enumerate(_people(read_depth(sensor, frame), sensor)):
             world = apply(world_from_sensor(recording, name), points)
-            seen.append(_Seen(world.min(axis=0), world.max(axis=0), 0.0 if number else area))
+            seen.append(_Seen(instant.time_s, world.min(axis=0), world.max(axis=0), 0.0 if number else area))
     return seen
 
 
-def _subject(seen: list[_Seen]) -> list[_Seen]:
+def _refuse_larger_than_a_person(recording: Recording, subject: list[_Seen]) -> None:
+    """Where furniture or walls grew together with the person, the box is larger than anybody is at one instant."""
+    for time in sorted({person.time_s for person in subject}):
+        now = [person for person in subject if person.time_s == time]
+        size = np.max([person.maximum for person in now], axis=0) - np.min([person.minimum for person in now], axis=0)
+        if size.max() > _LARGEST_PERSON_M:
+            sides = " x ".join(f"{side:.1f}" for side in size)
+            raise CloudError(
+                f"what was found automatically at {time:.2f} s is {sides} m, larger than a person",
+                where=recording.path,
+                remedy="the person and the room cannot be told apart: state where the limb is with "
+                "`--region X0 Y0 Z0 X1 Y1 Z1`, or `region` in recording.json",
+            )
+
+
+def _subject(seen: list[_Seen], near: Floats | None) -> list[_Seen]:
     """Of all that the images show, what belongs to the one who is nearest in most of them, by the area that they show.
 
+    If a point (3,) ``near`` is given, to the one whose box comes nearest to it instead.
     Boxes that come close to each other at any time are of one person: a bystander must keep his distance.
     """
     low, high = np.stack([person.minimum for person in seen]), np.stack([person.maximum for person in seen])
     gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
     _, labels = connected_components(gap < _REACH_M, directed=False)
-    area = np.bincount(labels, weights=[person.nearest_area_m2 for person in seen])
-    return [person for person, label in zip(seen, labels, strict=True) if label == area.argmax()]
+    if near is not None:
+        distance = np.linalg.norm(np.maximum(np.maximum(low - near, near - high), 0.0), axis=1)
+        chosen = labels[distance.argmin()]
+    else:
+        chosen = np.bincount(labels, weights=[person.nearest_area_m2 for person in seen]).argmax()
+    return [person for person, label in zip(seen, labels, strict=True) if label == chosen]
 
 
 def person_points(depth: Image, sensor: Sensor) -> Floats:
