@@ -9,16 +9,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _LIMIT_S = 900.0
+_PEAK = "most memory, in kB: "
+_PROGRAM = f"""import resource, sys
+from track.cli import main
+try:
+    main()
+finally:
+    print({_PEAK!r} + str(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss), file=sys.stderr)
+"""
 _DOUBT = ("warning", "cannot tell", "cannot be told", "undecided", "doubtful", "unlikely", "check whether", "not sure")
 
 
 @dataclass(frozen=True)
 class Told:
-    """How a command ended (None: not in time), and what it printed."""
+    """How a command ended (None: not in time), what it printed, and the most memory it took (MB)."""
 
     code: int | None
     out: str
     err: str
+    peak_mb: float = 0.0
 
     @property
     def refusal(self) -> str:
@@ -41,9 +50,12 @@ class Told:
 def bonetrack(*arguments: str | Path, limit_s: float = _LIMIT_S) -> Told:
     """Run ``bonetrack ARGUMENTS`` with this Python and this checkout."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path), "COLUMNS": "1000"}
-    command = [sys.executable, "-c", "from track.cli import main; main()", *map(str, arguments)]
+    command = [sys.executable, "-c", _PROGRAM, *map(str, arguments)]
     try:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=limit_s, check=False)
     except subprocess.TimeoutExpired:
         return Told(None, "", f"no end after {limit_s:.0f} s")
-    return Told(done.returncode, done.stdout, done.stderr)
+    lines = done.stderr.splitlines()
+    peaks = [float(line.removeprefix(_PEAK)) / 1024.0 for line in lines if line.startswith(_PEAK)]
+    err = "\n".join(line for line in lines if not line.startswith(_PEAK))
+    return Told(done.returncode, done.stdout, err, max(peaks, default=0.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from track.evaluation.trials.situation import Outcome, Verdict
 from track.motion import Motion, load_motion
 
 BOUND_DEG = 5.0  # of any angle's mean error; docs/accuracy.md has 0.3 to 3 degrees over longer recordings
+_SAME_S = 1e-3
 HONEST = 0.9  # share of errors within two stated deviations
 
 
@@ -64,14 +66,17 @@ def errors_of(motion: Motion, made: Made, subject: Path) -> dict[str, Any]:
     """Frames tracked, and every angle's mean and largest error (deg) and share within two deviations."""
     tracked = motion.tracked
     numbers: dict[str, Any] = {"frames": len(tracked), "tracked": int(tracked.sum())}
+    timed = _on_the_truths_clock(motion, made.truth)
+    if timed is None:
+        return numbers | {"angles": {}, "within_2_sd": None, "times": "not those at which the limb moved"}
     if made.anatomy == made.truth.body.anatomy.name and tracked.any():
-        evaluation = evaluate_motion(motion, load_subject(subject), open_recording(made.recording))
+        evaluation = evaluate_motion(timed, load_subject(subject), open_recording(made.recording))
         errors = {n.removeprefix("angle "): v for n, v in evaluation.errors.items() if n.startswith("angle ")}
         stated = {n.removeprefix("angle "): v for n, v in evaluation.stated.items()}
         centres = {n: v for n, v in evaluation.errors.items() if n.startswith("centre ") and np.isfinite(v).any()}
         numbers["centres_mm"] = {n.removeprefix("centre "): float(np.nanmean(v)) for n, v in centres.items()}
     else:
-        errors, stated = _mirrored_errors(motion, made.truth), {}
+        errors, stated = _mirrored_errors(timed, made.truth), {}
     known = {name: np.isfinite(values) for name, values in errors.items()}
     numbers["angles"] = {
         name: {"mean": float(values[known[name]].mean()), "max": float(values[known[name]].max())}
@@ -81,6 +86,14 @@ def errors_of(motion: Motion, made: Made, subject: Path) -> dict[str, Any]:
     within = [(errors[n] <= 2.0 * stated[n])[known[n]] for n in stated if known[n].any()]
     numbers["within_2_sd"] = float(np.concatenate(within).mean()) if within else None
     return numbers
+
+
+def _on_the_truths_clock(motion: Motion, truth: Truth) -> Motion | None:
+    """The motion with its times, or those counted from the first frame, if they are times of the truth."""
+    for times in (motion.times, motion.times - motion.times[0] + truth.times[0]):
+        if np.abs(truth.times[:, None] - times).min(axis=0).max() < _SAME_S:
+            return replace(motion, times=times)
+    return None
 
 
 def _mirrored_errors(motion: Motion, truth: Truth) -> dict[str, np.ndarray]:
@@ -102,6 +115,8 @@ def _mirrored_errors(motion: Motion, truth: Truth) -> dict[str, np.ndarray]:
 def _verdict(numbers: dict[str, Any], doubts: list[str], *, same_side: bool) -> Verdict:
     if not same_side:
         return "said" if any("side" in line or "mirror" in line for line in doubts) else "WRONG WITHOUT A WORD"
+    if "times" in numbers:
+        return "said" if doubts else "WRONG WITHOUT A WORD"
     if not numbers["angles"]:
         return "said"  # nothing is claimed: every frame is lost, with its reason
     honest = numbers["within_2_sd"] is None or numbers["within_2_sd"] >= HONEST
@@ -115,6 +130,7 @@ def _line(numbers: dict[str, Any], doubts: list[str]) -> str:
     """The key numbers in one line."""
     angles = sorted(numbers["angles"].items(), key=lambda item: -item[1]["mean"])
     parts = [f"{numbers['tracked']} of {numbers['frames']} tracked"]
+    parts += [f"times are {numbers['times']}"] if "times" in numbers else []
     parts += [f"{name} off by {angle['mean']:.1f} (at most {angle['max']:.1f}) deg" for name, angle in angles[:2]]
     if numbers["within_2_sd"] is not None:
         parts.append(f"{100 * numbers['within_2_sd']:.0f} % within two stated deviations")
