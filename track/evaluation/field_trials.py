@@ -13,7 +13,7 @@ import json
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
@@ -48,6 +48,7 @@ def outcome_of(situation: Situation, seed: int, out: Path, *, run: bool) -> Outc
     start = time.perf_counter()
     with stdout.status(f"{situation.name}, variant {seed}"):
         outcome = situation.run(seed, folder)
+        outcome = replace(outcome, line=outcome.line.replace(f"{folder}/", ""))  # where this machine keeps it
     with replaced_when_complete(path) as partial:
         partial.write_text(json.dumps(asdict(outcome), indent=1) + "\n", encoding="utf-8")
     line = f"{situation.name}, variant {seed} ({time.perf_counter() - start:.0f} s): {outcome.verdict}: {outcome.line}"

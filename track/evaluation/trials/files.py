@@ -10,6 +10,7 @@ import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from track.evaluation.trials.recorded import performance_of
 from track.evaluation.trials.situation import Outcome, Situation
 from track.motion import Motion, load_motion
 
-_GREEDY_MB, _HUGE = 1500.0, 2_000_000_000  # what an export may take; bytes that a small file unpacks to
+_GREEDY_MB, _HUGE = 1000.0, 1_000_000_000  # what an export may take; bytes that a small file unpacks to
 _STARTS_IN_S = 60.0
 
 
@@ -33,7 +34,7 @@ def _known_subject(seed: int, folder: Path, *, anatomy: str = ARM) -> Path:
     """The subject that an adaptation without any error would find, and its calibrated recording beside."""
     known = record_known(performance_of(anatomy, seed), folder / "recording", seed=seed)
     body, times = known.body, performance_of(anatomy, seed).times
-    report = {"poses": [], "landmarks_never_shown": []}
+    report: dict[str, Any] = {"poses": [], "landmarks_never_shown": []}
     subject = Subject(body, known.thetas[::4], times[::4], 1e-6 * np.eye(len(body.shape)), report)
     save_subject(subject, folder / "subject.npz")
     return folder / "subject.npz"
@@ -63,7 +64,7 @@ def trc_in_opensim(seed: int, folder: Path) -> Outcome:
     if ended is not None:
         return ended
     if find_spec("opensim") is None:
-        return Outcome("said", "not tried: OpenSim is not installed")
+        return Outcome("not tried", "OpenSim is not installed")
     lost = int((~motion.tracked).sum())
     program = "import opensim, sys; t = opensim.TimeSeriesTableVec3(sys.argv[1]); print(t.getNumRows())"
     trc = next((folder / "export").glob("*.trc"))
@@ -82,7 +83,7 @@ def osim_in_nimble(seed: int, folder: Path) -> Outcome:
     if told.code != 0:
         return refused(told, {})
     if find_spec("nimblephysics") is None:
-        return Outcome("said", "not tried: nimblephysics is not installed")
+        return Outcome("not tried", "nimblephysics is not installed")
     program = "import nimblephysics.biomechanics as b, sys; print(b.OpenSimParser.parseOsim(sys.argv[1]).skeleton)"
     osim = next((folder / "export").glob("*.osim"))
     done = subprocess.run([sys.executable, "-c", program, osim], capture_output=True, text=True, check=False)
@@ -118,9 +119,9 @@ def other_subject(seed: int, folder: Path) -> Outcome:
 
 
 def greedy_file(seed: int, folder: Path) -> Outcome:
-    """A subject file with an array that nobody asked for, small on disk and 2 GB in memory."""
+    """A subject file with an array that nobody asked for, small on disk and 1 GB in memory."""
     subject = _known_subject(seed, folder)
-    arrays = read_arrays(subject)
+    arrays: dict[str, Any] = read_arrays(subject)
     np.savez_compressed(subject, **arrays, unasked=np.zeros(_HUGE, np.uint8))
     told = bonetrack("export", subject, "--out", folder / "export")
     line = f"{subject.stat().st_size / 1e6:.1f} MB on disk, {told.peak_mb:.0f} MB of memory taken"
@@ -139,8 +140,10 @@ def foreign_origin(seed: int, folder: Path) -> Outcome:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path)}
-    command = [sys.executable, "-c", "from track.cli import main; main()", "view", recording, "--port", str(port)]
-    viewer = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    command = [sys.executable, "-c", "from track.cli import main; main()", "view", recording, "--port", port]
+    viewer = subprocess.Popen(
+        [*map(str, command)], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     try:
         answer = _handshake(port, "http://elsewhere.example")
     finally:
@@ -193,7 +196,7 @@ SITUATIONS = (
         other_subject,
     ),
     Situation(
-        "greedy file", 5, "a small file with an array of 2 GB that nobody asked for", "4.3 GB of memory", greedy_file
+        "greedy file", 5, "a small file with an array of 1 GB that nobody asked for", "4.3 GB of memory", greedy_file
     ),
     Situation(
         "foreign origin",

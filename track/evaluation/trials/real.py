@@ -74,11 +74,12 @@ def situations_of(folder: Path | None) -> tuple[list[Situation], str]:
 def _run(folder: Path, clip: Clip) -> Callable[[int, Path], Outcome]:
     def run(seed: int, work: Path) -> Outcome:
         recording, subject, motion = work / "recording", work / "subject.npz", work / "motion"
-        for step in (
+        steps: tuple[tuple[str | Path, ...], ...] = (
             ("import", folder / clip.folder, "--out", recording, *clip.options),
             ("adapt", recording, "--anatomy", clip.anatomy, "--out", subject),
             ("track", recording, "--subject", subject, "--out", motion),
-        ):
+        )
+        for step in steps:
             told = bonetrack(*step)
             if told.code != 0:
                 return refused(told, {"step": str(step[0])})

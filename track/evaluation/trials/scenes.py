@@ -53,7 +53,7 @@ def _therapist(patient: Performance, seed: int) -> Around:
     other = performance_of(ARM, seed + 1000)
     arm = pose_skin(other.body, other.thetas[0])
     hand = arm[anatomy.skin_handle_weights[:, [h.bone == "hand" for h in anatomy.handles]].sum(axis=1) > 0.5]
-    turn = exp_so3(np.array([0.0, np.pi, 0.0]))
+    turn = exp_so3(np.array([np.pi, 0.0, 0.0]))  # from below
     grip = hand.mean(axis=0) @ turn.T
 
     def at(instant: int) -> Floats:

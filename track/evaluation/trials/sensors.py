@@ -43,7 +43,7 @@ def one_sensor(seed: int, folder: Path) -> Made:
     performance = performance_of(ARM, seed)
     rig = performance_rig(performance, elevations_deg=(18.0,), seed=seed)
     made = Made(folder, ARM, record(performance, folder, seed=seed, rig=rig))
-    _edit_header(folder, lambda header: header.pop("box", None))
+    _edit_header(folder, lambda header: {k: v for k, v in header.items() if k != "box"})
     for path in folder.glob("*/box*"):
         path.unlink()
     return made
@@ -67,8 +67,9 @@ def as_disparity(millimetres: Readings) -> Readings:
 def focal(factor: float) -> Callable[[int, Path], Made]:
     """The recording's focal lengths are wrong by a factor."""
 
-    def change(sensor: dict[str, Any]) -> None:
-        sensor["camera"] |= {name: factor * sensor["camera"][name] for name in ("fx", "fy")}
+    def change(sensor: dict[str, Any]) -> dict[str, Any]:
+        camera = sensor["camera"]
+        return sensor | {"camera": camera | {name: factor * camera[name] for name in ("fx", "fy")}}
 
     return _misdescribed(change)
 
@@ -76,27 +77,26 @@ def focal(factor: float) -> Callable[[int, Path], Made]:
 def unit(factor: float) -> Callable[[int, Path], Made]:
     """The recording's depth unit, and its range, are wrong by a factor."""
 
-    def change(sensor: dict[str, Any]) -> None:
-        sensor["depth_unit_m"] *= factor
-        sensor["depth_range_m"] = [factor * limit for limit in sensor["depth_range_m"]]
+    def change(sensor: dict[str, Any]) -> dict[str, Any]:
+        limits = [factor * limit for limit in sensor["depth_range_m"]]
+        return sensor | {"depth_unit_m": factor * sensor["depth_unit_m"], "depth_range_m": limits}
 
     return _misdescribed(change)
 
 
-def _misdescribed(change: Callable[[dict[str, Any]], None]) -> Callable[[int, Path], Made]:
+def _misdescribed(change: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[int, Path], Made]:
     def make(seed: int, folder: Path) -> Made:
         made = one_sensor(seed, folder)
-        _edit_header(folder, lambda header: [change(sensor) for sensor in header["sensors"]])
+        _edit_header(folder, lambda header: header | {"sensors": [change(sensor) for sensor in header["sensors"]]})
         return made
 
     return make
 
 
-def _edit_header(folder: Path, edit: Callable[[dict[str, Any]], object]) -> None:
+def _edit_header(folder: Path, edit: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
     path = folder / "recording.json"
     header = json.loads(path.read_text(encoding="utf-8"))
-    edit(header)
-    path.write_text(json.dumps(header, indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(edit(header), indent=1) + "\n", encoding="utf-8")
 
 
 MAKERS: dict[str, Callable[[int, Path], Made]] = {

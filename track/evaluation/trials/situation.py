@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-Verdict = Literal["right", "refused", "asked", "said", "shown", "overconfident", "WRONG WITHOUT A WORD", "failed"]
+Verdict = Literal[
+    "right", "refused", "asked", "said", "shown", "not tried", "overconfident", "WRONG WITHOUT A WORD", "failed"
+]
 """How a case came out.
 
 right: the errors are within bounds, and the stated deviations hold; refused: one line, no result; asked: a question
 that names what to give; said: a result, and a clear statement that it is doubtful (or deviations that tell it);
-shown: a result of a real recording, without a truth, for the eye to judge;
+shown: a result of a real recording, without a truth, for the eye to judge; not tried: a program is missing;
 overconfident: errors within bounds, deviations that do not cover them; WRONG WITHOUT A WORD; failed: an error that
 tells nothing, or no end.
 """
@@ -47,5 +49,5 @@ class Situation:
     def good(self, outcome: Outcome) -> bool:
         """Whether an outcome is one that may be."""
         return outcome.verdict in (
-            ("right", "said") if self.control else ("right", "refused", "asked", "said", "shown")
+            ("right", "said") if self.control else ("right", "refused", "asked", "said", "shown", "not tried")
         )

@@ -78,8 +78,8 @@ def out_of_step(phase: float) -> Callable[[int, Path], Made]:
 def rewrite_truth(folder: Path, **arrays: NDArray[Any]) -> None:
     """Replace arrays of a recording's truth."""
     path = folder / "truth.npz"
-    known = read_arrays(path)
-    np.savez(path, **(known | arrays))
+    known: dict[str, Any] = read_arrays(path) | arrays
+    np.savez(path, **known)
 
 
 def repeated_images(seed: int, folder: Path) -> Made:
