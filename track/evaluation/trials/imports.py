@@ -114,8 +114,8 @@ def _recording_already(source: Source) -> tuple[str, ...]:
 _CASES: tuple[tuple[str, str, str, Write, bool], ...] = (
     ("control: images", "control: millimetre PNGs with the right camera", "", _pngs(lambda image: image), False),
     ("raw dumps with clocks", "raw dumps whose names carry seconds, 9.5 to 11.0", "sorted as text", _dumps, False),
-    ("text depth", "depth as text tables", "not read", _text, False),
-    ("ASCII PGM", "depth as ASCII PGM", "not read", _ascii_pgm, False),
+    ("text depth", "depth as text tables", "", _text, False),
+    ("ASCII PGM", "depth as ASCII PGM", "", _ascii_pgm, False),
     ("LFS pointer", "Git LFS pointers in place of images", "not called one", _pointers, True),
     (
         "empty images",

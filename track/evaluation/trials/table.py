@@ -11,17 +11,16 @@ _SIDE = "87 of 87 tracked at 1.1 mm, forearm rotation off by 83 degrees with a s
 _MIRRORED = "clouds 0.2 mm apart, 80 of 80 tracked, forearm off by 72 degrees, within two deviations 0 to 48 %"
 _FOCAL = "some first poses are wrong, which they were not"
 _ROOM = "the region became the room, the arm lay on a wall; 91 of 101 frames tracked, 98 % found"
-_ASKED = "chosen without a word"
 
 _RECORDED = {  # by the maker's name: what is tried, what came out
     "furnished room": ("an arm in a furnished room, no region given", _ROOM),
-    "furnished room, leg": ("a leg in a furnished room, no region given", _ROOM),
+    "furnished room, leg": ("a leg in a furnished room, no region given", ""),
     "therapist holds the wrist": (
         "a therapist's hand holds the patient's wrist",
         "the therapist's arm was adapted: 80 of 80 tracked, the patient's elbow off by 32 degrees",
     ),
-    "two arms of one person": ("both arms of one person in view", _ASKED),
-    "two right arms": ("the right arms of two people in view", _ASKED),
+    "two arms of one person": ("both arms of one person in view", ""),
+    "two right arms": ("the right arms of two people in view", ""),
     "somebody stands behind": ("somebody stands half a metre behind the arm", ""),
     "right arm asked as left": ("`upper-limb-left` asked of a right arm", _SIDE),
     "left arm asked as right": ("`upper-limb-right` asked of a left arm", ""),
