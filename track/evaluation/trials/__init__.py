@@ -1,1 +1,1 @@
-"""What people really bring, made synthetic: in a few lines each, run as a user would, judged by the truth."""
+"""Situations that people really bring, made synthetic in a few lines each, and how each of them is judged."""

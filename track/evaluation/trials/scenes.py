@@ -1,173 +1,104 @@
-"""Recordings of one or more moving bodies and of what stands around them, seen by two simulated sensors."""
+"""What stands around the limb: a furnished room, a second arm that holds the wrist, a second person."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from adapt.anatomy import Floats, load_anatomy
-from adapt.model.body import Body, make_body, pose_skin, rest_theta
-from capture.calibration.calibrate import calibrate_recording, write_calibration
-from capture.camera import Camera
-from capture.recording import Recording, RecordingWriter, open_recording, read_depth
-from capture.rigid import apply
-from capture.simulation.sensor import NoiseModel
-from capture.simulation.simulate import SensorRig, box_mesh, simulate_recording
-from track.evaluation.performance import Performance, motion_names, perform, random_body
-from track.evaluation.simulate import performance_rig
-from track.motion import coordinate_names
+from adapt.mirror import mirrored_name
+from adapt.model.body import joint_centres, pose_skin
+from capture.rigid import exp_so3
+from capture.simulation.simulate import Ints, box_mesh, default_rig
+from track.evaluation.experiments.faults import person
+from track.evaluation.performance import Performance
+from track.evaluation.trials.people import ARM, LEG
+from track.evaluation.trials.recorded import Around, Made, performance_of, record, still
 
-FPS, SECONDS = 12.0, 3.0
-"""Short and slow: what is tried here is whether something is right, not how exactly."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Moving vertices, a function of the frame, and triangles (F, 3)."""
-
-    at: Callable[[int], Floats]
-    faces: NDArray[np.int64]
+_FURNITURE = {  # middle relative to the limb's (m; +x towards the sensors, +y up), sides (m)
+    "floor": ((0.0, -0.95, 0.0), (6.0, 0.02, 6.0)),
+    "wall": ((-1.3, 0.3, 0.0), (0.02, 2.6, 6.0)),
+    "side wall": ((0.0, 0.3, -1.8), (6.0, 2.6, 0.02)),
+    "table": ((-0.75, -0.25, 0.9), (0.7, 0.03, 1.0)),
+    "chair's seat": ((-0.55, -0.50, -0.9), (0.45, 0.04, 0.45)),
+    "chair's back": ((-0.76, -0.05, -0.9), (0.04, 0.9, 0.45)),
+}
 
 
-def person(anatomy: str, seed: int, *, scale: float = 1.0) -> Performance:
-    """A random body of that anatomy, grown or shrunk as a whole, in the anatomy's made-up motions."""
-    body = random_body(load_anatomy(anatomy), seed)
-    if scale != 1.0:
-        body = resized(body, scale)
-    motions = motion_names(body.anatomy)[-1:]
-    return perform(body, motions, seconds_each=SECONDS, fps=FPS, seed=seed)
+def in_a_room(seed: int, folder: Path, *, anatomy: str = ARM) -> Made:
+    """An arm or leg with floor, walls, table and chair in view."""
+    performance = performance_of(anatomy, seed)
+    room = still(*furniture(_middle(performance)))
+    return Made(folder, anatomy, record(performance, folder, seed=seed, around=[room]))
 
 
-def resized(body: Body, scale: float) -> Body:
-    """The body grown or shrunk as a whole, about its first group of handles."""
-    affine = body.affine
-    grown = affine.uniform(scale).reshape(-1, 4)
-    shape = body.shape.reshape(-1, 4).copy()
-    shape[:, 1:] = scale * shape[:, 1:] + grown[:, 1:]
-    shape[:, 0] *= scale
-    # Tissue is displaced in the template and grows with the scales of the handles.
-    return make_body(body.anatomy, shape=shape.ravel(), v_hat=body.v_hat)
+def furniture(middle: Floats) -> tuple[Floats, Ints]:
+    """Vertices (V, 3) m and triangles (F, 3) of a room around a place (3,)."""
+    boxes = [(box_mesh(sides), np.array(place)) for place, sides in _FURNITURE.values()]
+    vertices = [mesh[0] + middle + place for mesh, place in boxes]
+    return np.concatenate(vertices), np.concatenate([8 * k + mesh[1] for k, (mesh, _) in enumerate(boxes)])
 
 
-def skin_of(performance: Performance) -> Mesh:
-    """The moving skin of a performance."""
-    return Mesh(lambda t: pose_skin(performance.body, performance.thetas[t]), performance.body.anatomy.skin_faces)
+def held_at_the_wrist(seed: int, folder: Path) -> Made:
+    """A therapist's right hand holds the wrist of a right arm and goes along with it."""
+    patient = performance_of(ARM, seed)
+    return Made(folder, ARM, record(patient, folder, seed=seed, around=[_therapist(patient, seed)]))
 
 
-def moved(mesh: Mesh, world_from_mesh: Floats) -> Mesh:
-    """The mesh, placed elsewhere by a rigid transform (4, 4)."""
-    return Mesh(lambda t: apply(world_from_mesh, mesh.at(t)), mesh.faces)
+def _therapist(patient: Performance, seed: int) -> Around:
+    """Another body's arm that comes from the other side, its hand about the patient's wrist."""
+    anatomy = load_anatomy(ARM)
+    other = performance_of(ARM, seed + 1000)
+    arm = pose_skin(other.body, other.thetas[0])
+    hand = arm[anatomy.skin_handle_weights[:, [h.bone == "hand" for h in anatomy.handles]].sum(axis=1) > 0.5]
+    turn = exp_so3(np.array([np.pi, 0.0, 0.0]))  # from below
+    grip = hand.mean(axis=0) @ turn.T
+
+    def at(instant: int) -> Floats:
+        wrist = joint_centres(patient.body, patient.thetas[instant])["wrist"]
+        return np.asarray(arm @ turn.T - grip + wrist)
+
+    return Around(at, anatomy.skin_faces)
 
 
-def block(size_m: tuple[float, float, float], centre: Floats) -> Mesh:
-    """A box that stands still, its sides cut fine enough to be seen whole."""
-    vertices, faces = box_mesh(size_m)
-    placed = vertices + centre
-    return Mesh(lambda t: placed, faces)
+def beside(anatomy: str, *, apart_m: float = 0.45) -> Callable[[int, Path], Made]:
+    """A right arm, and a second arm beside it that moves in its own way."""
+
+    def make(seed: int, folder: Path) -> Made:
+        performance, other = performance_of(ARM, seed), performance_of(anatomy, seed + 1000)
+        shift = _middle(performance) - _middle(other) + [0.0, 0.0, -apart_m]
+        faces = other.body.anatomy.skin_faces
+        second = Around(lambda t: np.asarray(pose_skin(other.body, other.thetas[t]) + shift), faces)
+        rig = default_rig(np.concatenate([_swept(performance), _swept(other) + shift]), seed=seed)
+        return Made(folder, ARM, record(performance, folder, seed=seed, rig=rig, around=[second]))
+
+    return make
 
 
-def record(
-    performance: Performance,
-    out: Path,
-    *,
-    seed: int,
-    meshes: Sequence[Mesh] | None = None,
-    noise: NoiseModel | None = None,
-    rig: SensorRig | None = None,
-) -> Recording:
-    """Record a performance (or other ``meshes`` in its stead), calibrated; the truth is the performance's."""
-    shown = [skin_of(performance)] if meshes is None else list(meshes)
-    starts = np.cumsum([0, *(len(mesh.at(0)) for mesh in shown[:-1])])
-    faces = np.concatenate([start + mesh.faces for start, mesh in zip(starts, shown, strict=True)])
-    body = performance.body
-    truth = {
-        "anatomy": np.array(body.anatomy.name),
-        "coordinates": np.array(coordinate_names(body.anatomy)),
-        "theta": performance.thetas,
-        "shape": body.shape,
-        "displacement": (body.v_hat - body.anatomy.skin_vertices).astype(np.float32),
-    }
-    recording = simulate_recording(
-        out,
-        (np.concatenate([mesh.at(t) for mesh in shown]) for t in range(len(performance.times))),
-        faces,
-        performance.times.tolist(),
-        rig=rig or performance_rig(performance, seed=seed),
-        noise=noise,
-        seed=seed,
-        truth=truth,
-    )
-    write_calibration(recording, calibrate_recording(recording))
-    return open_recording(recording.path)
+def _swept(performance: Performance) -> Floats:
+    return np.concatenate([pose_skin(performance.body, theta) for theta in performance.thetas])
 
 
-def rewritten(
-    recording: Recording,
-    out: Path,
-    *,
-    camera: Callable[[Camera], Camera] = lambda camera: camera,
-    images: Callable[[str, Floats], Floats] = lambda name, depth: depth,
-    unit: float = 1.0,
-) -> Recording:
-    """The recording as another program would have handed it over: other cameras, other images, times ``unit`` longer.
-
-    It keeps its truth, and is calibrated by its own images of the box.
-    """
-    sensors = [replace(s, camera=camera(s.camera), frames=(), box_frames=()) for s in recording.sensors]
-    with RecordingWriter(out, sensors=sensors, created_by="a field trial") as writer:
-        if recording.box_size_m is not None:
-            writer.set_box(recording.box_size_m)
-        for old in recording.sensors:
-            for frame in old.box_frames:
-                writer.add_box_frame(old.name, images(old.name, read_depth(old, frame)), frame.time_s)
-            for frame in old.frames:
-                writer.add_frame(old.name, images(old.name, read_depth(old, frame)), frame.time_s * unit)
-    if recording.truth_path is not None:
-        shutil.copy(recording.truth_path, out)
-    made = open_recording(out)
-    write_calibration(made, calibrate_recording(made))
-    return open_recording(out)
+def somebody_behind(seed: int, folder: Path) -> Made:
+    """Somebody made of ellipsoids stands half a metre behind the limb."""
+    performance = performance_of(ARM, seed)
+    vertices, faces = person()
+    around = still(vertices + _middle(performance) - [0.6, 0.2, 0.0], faces)
+    return Made(folder, ARM, record(performance, folder, seed=seed, around=[around]))
 
 
-def flipped(camera: Camera) -> Camera:
-    """The camera whose image is the mirror image; a user who does not know of the flip keeps the camera instead."""
-    return replace(camera, cx=camera.width - 1 - camera.cx)
-
-
-def flip(depth: Floats) -> Floats:
-    """The mirror image of a depth image (H, W)."""
-    return np.ascontiguousarray(cv2.flip(np.asarray(depth), 1))
-
-
-def without(body: Body, bones: Sequence[str]) -> NDArray[np.int64]:
-    """The triangles (F, 3) of the skin that does not ride mostly on some bones, closed at the cut by a fan."""
-    names = [bone.name for bone in body.anatomy.bones]
-    gone = np.isin(body.skin_riding.argmax(axis=1), [names.index(name) for name in bones])
-    faces = body.anatomy.skin_faces
-    kept = faces[~gone[faces].any(axis=1)]
-    edges = np.concatenate([kept[:, [0, 1]], kept[:, [1, 2]], kept[:, [2, 0]]])
-    there = {tuple(edge) for edge in edges.tolist()}
-    rim = [edge for edge in there if edge[::-1] not in there]
-    original = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    open_before = {tuple(edge) for edge in original.tolist()}
-    cut = [edge for edge in rim if edge[::-1] in open_before]
-    middle = cut[0][0]
-    fan = [(b, a, middle) for a, b in cut if middle not in (a, b)]
-    return np.concatenate([kept, np.array(fan, dtype=np.int64)])
-
-
-def standing(performance: Performance) -> Floats:
-    """The lowest, middle and highest corner (3, 3) m of the performance's skin at its first frame."""
+def _middle(performance: Performance) -> Floats:
     skin = pose_skin(performance.body, performance.thetas[0])
-    return np.stack([skin.min(axis=0), skin.mean(axis=0), skin.max(axis=0)])
+    return np.asarray((skin.min(axis=0) + skin.max(axis=0)) / 2.0)
 
 
-def at_rest(body: Body) -> Floats:
-    """The skin (V, 3) of a body at rest."""
-    return pose_skin(body, rest_theta(body))
+MAKERS: dict[str, Callable[[int, Path], Made]] = {
+    "furnished room": in_a_room,
+    "furnished room, leg": lambda seed, folder: in_a_room(seed, folder, anatomy=LEG),
+    "therapist holds the wrist": held_at_the_wrist,
+    "two arms of one person": beside(mirrored_name(ARM)),
+    "two right arms": beside(ARM),
+    "somebody stands behind": somebody_behind,
+}

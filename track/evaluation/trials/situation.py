@@ -1,30 +1,53 @@
-"""What a situation is: something that people bring, made synthetic, and what is asked of the program with it."""
+"""What a situation of the field trials is, and the verdicts on it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Literal
 
-from capture.recording import Recording
+Verdict = Literal[
+    "right", "refused", "asked", "said", "shown", "not tried", "overconfident", "WRONG WITHOUT A WORD", "failed"
+]
+"""How a case came out.
 
-SEEDS = {"tuning": (1, 2), "held": (11, 12)}
-"""Bounds were set on the first half of the situations' variants; the page reports the other."""
+right: the errors are within bounds, and the stated deviations hold; refused: one line, no result; asked: a question
+that names what to give; said: a result, and a clear statement that it is doubtful (or deviations that tell it);
+shown: a result of a real recording, without a truth, for the eye to judge; not tried: a program is missing;
+overconfident: errors within bounds, deviations that do not cover them; WRONG WITHOUT A WORD; failed: an error that
+tells nothing, or no end.
+"""
+
+SEEDS = {"tuning": (1, 2), "held": (101, 102)}
+"""Bounds of the product are set on the variants of the first half only, and the page reports the second."""
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One variant: a recording, the anatomy that the user asks for, and the recording that holds the truth, if any."""
+@dataclass(frozen=True)
+class Outcome:
+    """The verdict on a case, what was said (one line), and the numbers it rests on."""
 
-    recording: Recording
-    ask: str
-    truth: Recording | None
+    verdict: Verdict
+    line: str
+    numbers: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Situation:
-    """``before`` says what came out at commit b072a01; ``make`` makes the variant of a seed in a folder."""
+    """One situation: its name, the issue's section, what is tried, what came out before, and how it is run now.
+
+    ``run`` takes a seed and an empty folder. ``controls`` are sound: there only "right" will do.
+    """
 
     name: str
+    section: int
+    tried: str
     before: str
-    make: Callable[[int, Path], Trial] = field(repr=False)
+    run: Callable[[int, Path], Outcome] = field(repr=False)
+    control: bool = False
+
+    def good(self, outcome: Outcome) -> bool:
+        """Whether an outcome is one that may be."""
+        return outcome.verdict in (
+            ("right", "said") if self.control else ("right", "refused", "asked", "said", "shown", "not tried")
+        )

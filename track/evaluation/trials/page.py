@@ -1,0 +1,84 @@
+"""The page of the field trials: what was tried, what came out once, what happens now."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from track.evaluation.experiments.experiment import markdown_table
+from track.evaluation.trials.fit import BOUND_DEG, HONEST
+from track.evaluation.trials.situation import Outcome, Situation
+
+_HEAD = f"""# Field trials: right, or refused
+
+Made by
+
+```sh
+python -m track.evaluation.field_trials --out DIR --real RECORDINGS --page docs/field-trials.md
+```
+
+Every situation here is synthetic unless it stands under "Real recordings": a random body of our own model, 16 instants,
+simulated depth sensors, and then what people bring. It goes through `bonetrack calibrate`, `adapt` and `track` with no
+option but `--anatomy`, or through the command that the row names. Bounds of the program are set on other variants
+(`--split tuning`) than the ones shown.
+
+*Right*: the mean error of every joint angle is at most {BOUND_DEG:g} degrees, and at least {100 * HONEST:.0f} % of
+all errors are within two stated deviations. *Overconfident*: the first holds, the second does not. *Said*: a result
+beside a plain word that it is doubtful, or deviations that are as wide as its errors. *Refused* and *asked*: one line,
+and no result. *Shown*: a result of a real recording, which has no truth, for the eye to judge. *Failed*: no end, or an
+error that tells nothing.
+"""
+
+_SECTIONS = {
+    1: "Whom and what the sensors see",
+    2: "Time, and which sensor said what",
+    3: "Import",
+    4: "Files for other programs",
+    5: "What is the user's own",
+    6: "Real recordings",
+}
+
+
+def page_text(
+    situations: Sequence[Situation], found: Mapping[str, Mapping[int, Outcome]], *, split: str, skipped: str = ""
+) -> str:
+    """The whole page from the outcomes by situation and seed."""
+    sections = [_section(number, situations, found) for number in _SECTIONS]
+    notes = [f"*Variants: {split}.*\n", *([f"*Real recordings were not run: {skipped}.*\n"] if skipped else [])]
+    return "\n".join([_HEAD, *notes, _losses(situations, found), *(text for text in sections if text)])
+
+
+def _section(number: int, situations: Sequence[Situation], found: Mapping[str, Mapping[int, Outcome]]) -> str:
+    chosen = [situation for situation in situations if situation.section == number]
+    if not chosen:
+        return ""
+    rows = [["what was tried", "what came out at b072a01", "what happens now"]]
+    rows += [[s.tried, s.before or "not tried", _now(found.get(s.name, {}))] for s in chosen]
+    return f"## {_SECTIONS[number]}\n\n{markdown_table([[_cell(c) for c in row] for row in rows])}\n"
+
+
+def _now(outcomes: Mapping[int, Outcome]) -> str:
+    if not outcomes:
+        return "not run"
+    return "<br>".join(f"**{outcome.verdict}**: {outcome.line}" for outcome in outcomes.values())
+
+
+def _cell(text: str) -> str:
+    """Text that stays within one cell of a table."""
+    return " ".join(text.replace("|", "\\|").replace("<", "&lt;").replace("&lt;br>", "<br>").split())
+
+
+def _losses(situations: Sequence[Situation], found: Mapping[str, Mapping[int, Outcome]]) -> str:
+    """How many cases came out how, and those that may not come out so."""
+    cases = [(s, seed, outcome) for s in situations for seed, outcome in found.get(s.name, {}).items()]
+    counts = Counter(outcome.verdict for _, _, outcome in cases)
+    total = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+    bad = [f"- {s.name}, variant {seed}: {o.verdict}" for s, seed, o in cases if not s.good(o)]
+    text = "\n".join(bad) or "Nowhere in these cases."
+    silent = counts["WRONG WITHOUT A WORD"]
+    return f"""{len(cases)} cases: {total or "none"}. Silent wrong results: {silent or "none"}.
+
+## Where we lose
+
+{text}
+"""
