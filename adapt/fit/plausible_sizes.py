@@ -24,7 +24,7 @@ from adapt.model.size import handle_centres
 from capture.errors import FitError
 
 _DEVIATIONS = 3.29  # of a normal distribution, either way: 99.9 % lie within
-_ALLOWED = 1.16
+_ALLOWED = 1.18
 _CHILD = (1160.0 - _DEVIATIONS * 50.0) / 1756.2 * 0.45 / 0.48  # the smallest of six against the average man, in limbs
 _NEIGHBOURS = 1.13 * 1.22  # forearm and upper arm agree within 1.13 (ANSUR II: they correlate by 0.7); as _ALLOWED
 _LEAST_GIRTH, _LARGEST_GIRTH = 0.45, 1.5  # a joint's scale; thickness varies more than length
@@ -59,12 +59,14 @@ _HAND = _Measure(181.1, 10.1, 193.3, 10.0)
 _THIGH = _Measure(407.6, 24.2, 432.7, 27.6)  # trochanterion to tibiale: heights that correlate by 0.9
 _SHANK = _Measure(375.0, 23.5, 395.3, 24.5)  # tibiale to lateral malleolus: heights that correlate by 0.4 to 0.5
 _FOOT = _Measure(246.3, 12.4, 271.2, 13.1)
+_PELVIS = _Measure(273.3, 22.3, 275.4, 17.5)  # between the iliac crests
 _STATURE = _Measure(1628.5, 64.2, 1756.2, 68.6)  # of bones that have no measure of their own
 _MEASURES = {
     "humerus": _UPPER_ARM,
     "ulna": _FOREARM,
     "radius": _FOREARM,
     "hand": _HAND,
+    "pelvis": _PELVIS,
     "femur": _THIGH,
     "tibia": _SHANK,
     "foot": _FOOT,
@@ -104,8 +106,8 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
     worst = max(bones, key=lambda bone: abs(np.log(bone.length_m / bone.template_m)))
     if not worst.least_m <= worst.length_m <= worst.largest_m:
         raise FitError(
-            f"the {worst.bone} came out {_mm(worst.length_m)} long, {worst.length_m / worst.template_m:.2f} of the "
-            f"template's; 99.9 % of people from six years on have {_mm(worst.least_m)} to {_mm(worst.largest_m)}",
+            f"the {worst.bone} came out {_mm(worst.length_m)} mm long, {worst.length_m / worst.template_m:.2f} of the "
+            f"template's; 99.9 % of people from six years on have {_mm(worst.least_m)} to {_mm(worst.largest_m)} mm",
             where=where,
             remedy=_REMEDY,
         )
@@ -114,7 +116,7 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
         if max(ratio, 1.0 / ratio) > _NEIGHBOURS and {one.bone, other.bone} <= _MEASURES.keys():
             usual = one.template_m / other.template_m
             raise FitError(
-                f"the {one.bone} came out {_mm(one.length_m)} long and the {other.bone} {_mm(other.length_m)}, "
+                f"the {one.bone} came out {_mm(one.length_m)} mm long and the {other.bone} {_mm(other.length_m)} mm, "
                 f"{ratio * usual:.2f} to 1; people have {usual / _NEIGHBOURS:.2f} to {usual * _NEIGHBOURS:.2f} to 1",
                 where=where,
                 remedy="the limb is probably laid along something else, or a part of it was never seen: narrow the "
@@ -142,4 +144,4 @@ def _named_bones(anatomy: Anatomy, body: Body) -> Iterator[tuple[str, int, int]]
 
 
 def _mm(length_m: float) -> str:
-    return f"{1e3 * length_m:.0f} mm"
+    return f"{1e3 * length_m:.0f}"

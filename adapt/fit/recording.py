@@ -80,6 +80,7 @@ def adapt_recording(
     wanted = _wanted(recording, moments, poses, frames, known)
     body = make_body(anatomy)
     body, candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
+    refuse_what_nobody_is(body, recording.path)
     sample = sample_skin(anatomy, at_most=2000)
     usable = _plausible(candidates) if frames is None else candidates  # frames that a person chose are not doubted
     if len(usable) < min(poses, len(wanted)) or len(usable) < FEWEST_POSES:
