@@ -103,8 +103,9 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
         FitError: it names the bone, its size, what people have, and the causes in order of likelihood.
     """
     bones = bone_lengths(body)
-    worst = max(bones, key=lambda bone: abs(np.log(bone.length_m / bone.template_m)))
-    if not worst.least_m <= worst.length_m <= worst.largest_m:
+    strange = [bone for bone in bones if not bone.least_m <= bone.length_m <= bone.largest_m]
+    if strange:
+        worst = max(strange, key=lambda bone: abs(np.log(bone.length_m / bone.template_m)))
         raise FitError(
             f"the {worst.bone} came out {_mm(worst.length_m)} mm long, {worst.length_m / worst.template_m:.2f} of the "
             f"template's; 99.9 % of people from six years on have {_mm(worst.least_m)} to {_mm(worst.largest_m)} mm",
