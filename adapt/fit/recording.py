@@ -20,6 +20,8 @@ from adapt.fit.found import FoundPoses
 from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.other_limb import refuse_two_limbs
+from adapt.fit.overall_size import SizedPose, settle_size
+from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit, fit_pose
 from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_the_other_side
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
@@ -40,7 +42,6 @@ DEFAULT_POSES = 6
 _CANDIDATES = 12  # frames looked at when choosing example poses
 _SEARCHED = 2  # frames in which the limb is searched for; the others start from their neighbours
 _CLEARLY = 1.3  # a candidate that explains the skin worse than the others by this factor is in a wrong pose
-_LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4
 _TOLERABLE_M = 0.02  # a candidate that explains the skin worse than this is not adapted to
 
 
@@ -83,7 +84,8 @@ def adapt_recording(
     known = dict(first_poses or {})
     wanted = _wanted(recording, moments, poses, frames, known)
     body = make_body(anatomy)
-    candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
+    body, candidates = _pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
+    refuse_what_nobody_is(body, recording.path)
     sample = sample_skin(anatomy, at_most=2000)
     usable, doubted = _plausible(candidates)
     needed = max(poses if frames is None else FEWEST_POSES, FEWEST_POSES)
@@ -102,7 +104,7 @@ def adapt_recording(
         doubted |= again
     side = _asked_side(body, usable, lost, recording, sample, progress)
     adaptation, usable, left_out = _adapted(body, usable, others, lost, recording, progress)
-    _refuse_a_collapsed_body(adaptation.body, recording)
+    refuse_what_nobody_is(adaptation.body, recording.path)
     settings = {
         "versions": versions(),
         "recording": recording.path.resolve().name,
@@ -174,17 +176,6 @@ def _told(doubted: Mapping[float, str]) -> str:
     """The first few frames that are not believed, and why."""
     told = [f"at {time_s:.2f} s {reason}" for time_s, reason in sorted(doubted.items())[:3]]
     return f": {'; '.join(told)}" if told else ""
-
-
-def _refuse_a_collapsed_body(body: Body, recording: Recording) -> None:
-    """A body shrunk into a few points explains them well: what says that it is wrong is that nobody is so built."""
-    scales = body.shape[::4]
-    if scales.min() < _LEAST_SCALE or scales.max() > _LARGEST_SCALE:
-        raise FitError(
-            f"the body came out {scales.min():.2f} to {scales.max():.2f} times the template's size, which nobody is",
-            where=recording.path,
-            remedy="some first poses are wrong: choose the frames, narrow the region, or give first poses",
-        )
 
 
 def _plausible(candidates: list[_Candidate]) -> tuple[list[_Candidate], dict[float, str]]:
@@ -278,8 +269,8 @@ def _pose_candidates(
     region: Region | None,
     found: FoundPoses,
     progress: Progress,
-) -> list[_Candidate]:
-    """A first pose for every wanted instant that shows the limb.
+) -> tuple[Body, list[_Candidate]]:
+    """The body as large as the person, and a first pose for every wanted instant that shows the limb.
 
     A few frames are searched; from the one that fits best, poses are carried to its neighbours in time, and on.
     """
@@ -292,7 +283,8 @@ def _pose_candidates(
         except CloudError as error:
             problem = error
     posed: dict[int, ScoredPose] = {}
-    for number, k in enumerate(_outwards(list(targets), body, targets, sample, first_poses, posed, found, progress)):
+    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress)
+    for number, k in enumerate(others):
         progress(f"first pose {number + 1} of {len(targets)}")
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
         starts = [start for other in near for start in variations(body.anatomy, posed[other].fit.theta)]
@@ -306,7 +298,7 @@ def _pose_candidates(
             problem = error
     if not posed and problem is not None:
         raise problem
-    return [_Candidate(moments[k], targets[k], posed[k]) for k in sorted(posed)]
+    return body, [_Candidate(moments[k], targets[k], posed[k]) for k in sorted(posed)]
 
 
 def _outwards(
@@ -318,22 +310,35 @@ def _outwards(
     posed: dict[int, ScoredPose],
     found: FoundPoses,
     progress: Progress,
-) -> list[int]:
-    """Search a few frames, put the best one's pose into ``posed``; the other frames, nearest to it first."""
-    if any(k in first_poses for k in frames):
-        return sorted(frames, key=lambda k: k not in first_poses)
-    for number, k in enumerate(frames[:: max(1, len(frames) // _SEARCHED)][:_SEARCHED]):
+) -> tuple[Body, list[int]]:
+    """The body at the size of the person; the frames still to be posed, in order.
+
+    A few frames are searched, and the best one's pose put into ``posed``; the other frames follow, nearest first.
+    """
+    given = [k for k in frames if k in first_poses]
+    sized: dict[int, SizedPose] = {}
+    for number, k in enumerate(given[:1] or frames[:: max(1, len(frames) // _SEARCHED)][:_SEARCHED]):
         progress(f"searching the limb in frame {number + 1} of {_SEARCHED}")
+
+        def search(body: Body, size: float, k: int = k) -> ScoredPose:
+            if k in first_poses:
+                return _given(body, targets[k], sample, first_poses[k])
+            name = f"limb in frame {k}" if size == 1.0 else f"limb in frame {k} at size {size}"
+            return found.find(name, partial(locate, body, targets[k], sample, []))
+
         try:
-            posed[k] = found.find(f"limb in frame {k}", partial(locate, body, targets[k], sample, []))
+            sized[k] = settle_size(body, targets[k], search)
         except FitError:
             continue
-    if not posed:
-        return frames
-    seed = min(posed, key=lambda k: posed[k].badness_m)
-    for k in set(posed) - {seed}:
-        del posed[k]
-    return sorted((k for k in frames if k != seed), key=lambda k: abs(k - seed))
+    seed = min(sized, key=lambda k: sized[k].pose.badness_m, default=None)
+    if seed is not None:
+        body = sized[seed].body
+    if given:
+        return body, sorted(frames, key=lambda k: k not in first_poses)
+    if seed is None:
+        return body, frames
+    posed[seed] = sized[seed].pose
+    return body, sorted((k for k in frames if k != seed), key=lambda k: abs(k - seed))
 
 
 def _worst_of(posed: Mapping[int, ScoredPose]) -> float:

@@ -20,6 +20,7 @@ from adapt.fit.forms import joint_coordinates, typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.placing import Placements, Scene, costs
 from adapt.fit.pose import fit_pose
+from adapt.fit.priors import overall_size
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundPart, ScoredPose, find_skin, score_pose
 from adapt.fit.slender import slender_parts, thicker_than
@@ -48,9 +49,9 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
         FitError: no start finds enough correspondences.
     """
     sample = sample_skin(body.anatomy, at_most=600, seed=seed)
-    candidates = _coarse_candidates(
-        body, slender_parts(target.cloud, thicker_than(body.anatomy))[:_PARTS], np.random.default_rng(seed)
-    )
+    thick = overall_size(body) * thicker_than(body.anatomy)
+    parts = slender_parts(target.cloud, thick)[:_PARTS]
+    candidates = _coarse_candidates(body, parts, np.random.default_rng(seed))
     refined = [score for theta in candidates for score in _refined(body, target, theta, sample)]
     if not refined:
         raise FitError(
@@ -73,7 +74,7 @@ def locate(
     tried: list[ScoredPose] = []
     for theta in starts:
         pose = try_pose(body, target, sample, theta)
-        if pose is not None and pose.skin_m < good_m and _is_sound(pose):
+        if pose is not None and pose.skin_m < good_m and is_sound(pose):
             return pose
         tried += [] if pose is None else [pose]
     best = min(tried, key=lambda pose: pose.badness_m, default=None)
@@ -99,7 +100,8 @@ def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
     return varied
 
 
-def _is_sound(pose: ScoredPose) -> bool:
+def is_sound(pose: ScoredPose) -> bool:
+    """Whether nearly all the skin is found, and neither laid on other surface nor in the void."""
     return pose.coverage > _GOOD_COVERAGE and pose.attached < _GOOD_ATTACHED and pose.void < _GOOD_VOID
 
 

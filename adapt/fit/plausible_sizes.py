@@ -1,0 +1,148 @@
+"""Whether anybody has bones of such a size: a body that came out otherwise is no person's, however well it fits.
+
+Lengths of grown-ups are those of ANSUR II (US Army 2012, 4,082 men and 1,986 women; public): means and standard
+deviations between landmarks on the skin. Children of six are taken to be grown-ups on a smaller scale: their stature
+is 116 cm with a deviation of 5 cm (WHO growth reference 2007, boys; girls are 1 cm smaller), and their limbs are as
+much shorter again as their stature is lower by its share of leg (0.45 at six, 0.48 grown up). Three assumptions go
+with that: the template's bones are the average man's within 7 %, the distance between two joints' centres varies as
+that between the landmarks on the skin does, and a bone is told to a few per cent by the fit: together _ALLOWED.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from adapt.anatomy import Anatomy
+from adapt.fit.priors import bones_between_groups
+from adapt.model.body import Body
+from adapt.model.size import handle_centres
+from capture.errors import FitError
+
+_DEVIATIONS = 3.29  # of a normal distribution, either way: 99.9 % lie within
+_ALLOWED = 1.18
+_CHILD = (1160.0 - _DEVIATIONS * 50.0) / 1756.2 * 0.45 / 0.48  # the smallest of six against the average man, in limbs
+_NEIGHBOURS = 1.13 * 1.22  # forearm and upper arm agree within 1.13 (ANSUR II: they correlate by 0.7); as _ALLOWED
+_LEAST_GIRTH, _LARGEST_GIRTH = 0.45, 1.5  # a joint's scale; thickness varies more than length
+
+_REMEDY = (
+    "likely causes, first things first: depth in another unit, a wrong focal length, the other side's anatomy, "
+    "something else than the limb (narrow the region, or give first poses)"
+)
+
+
+@dataclass(frozen=True)
+class _Measure:
+    """A length (mm) in women and men, mean and deviation."""
+
+    woman: float
+    woman_sd: float
+    man: float
+    man_sd: float
+
+    def largest(self) -> float:
+        """What 99.9 % of men stay below, against the average man."""
+        return (self.man + _DEVIATIONS * self.man_sd) / self.man
+
+    def smallest(self) -> float:
+        """What 99.9 % of children of six, and of grown women, exceed, against the average man."""
+        return min(_CHILD, (self.woman - _DEVIATIONS * self.woman_sd) / self.man)
+
+
+_UPPER_ARM = _Measure(311.2, 17.2, 335.2, 17.5)  # acromion to radiale
+_FOREARM = _Measure(241.3, 15.2, 267.9, 15.4)  # radiale to stylion
+_HAND = _Measure(181.1, 10.1, 193.3, 10.0)
+_THIGH = _Measure(407.6, 24.2, 432.7, 27.6)  # trochanterion to tibiale: heights that correlate by 0.9
+_SHANK = _Measure(375.0, 23.5, 395.3, 24.5)  # tibiale to lateral malleolus: heights that correlate by 0.4 to 0.5
+_FOOT = _Measure(246.3, 12.4, 271.2, 13.1)
+_PELVIS = _Measure(273.3, 22.3, 275.4, 17.5)  # between the iliac crests
+_STATURE = _Measure(1628.5, 64.2, 1756.2, 68.6)  # of bones that have no measure of their own
+_MEASURES = {
+    "humerus": _UPPER_ARM,
+    "ulna": _FOREARM,
+    "radius": _FOREARM,
+    "hand": _HAND,
+    "pelvis": _PELVIS,
+    "femur": _THIGH,
+    "tibia": _SHANK,
+    "foot": _FOOT,
+}
+
+
+@dataclass(frozen=True)
+class BoneLength:
+    """A bone between two joints' centres (m), the template's, and what 99.9 % of people have (m)."""
+
+    bone: str
+    length_m: float
+    template_m: float
+    least_m: float
+    largest_m: float
+
+
+def bone_lengths(body: Body) -> list[BoneLength]:
+    """The bones that span from joint to joint, parallel ones once, from the trunk outwards."""
+    centres, template = handle_centres(body), body.affine.centres
+    lengths = []
+    for bone, first, last in _named_bones(body.anatomy, body):
+        length, usual = (float(np.linalg.norm(points[last] - points[first])) for points in (centres, template))
+        measure = _MEASURES.get(bone, _STATURE)
+        least, largest = measure.smallest() / _ALLOWED, measure.largest() * _ALLOWED
+        lengths.append(BoneLength(bone, length, usual, least * usual, largest * usual))
+    return lengths
+
+
+def refuse_what_nobody_is(body: Body, where: Path) -> None:
+    """Refuse a body of which a bone, two neighbouring bones or a joint have a size that nobody has.
+
+    Raises:
+        FitError: it names the bone, its size, what people have, and the causes in order of likelihood.
+    """
+    bones = bone_lengths(body)
+    strange = [bone for bone in bones if not bone.least_m <= bone.length_m <= bone.largest_m]
+    if strange:
+        worst = max(strange, key=lambda bone: abs(np.log(bone.length_m / bone.template_m)))
+        raise FitError(
+            f"the {worst.bone} came out {_mm(worst.length_m)} mm long, {worst.length_m / worst.template_m:.2f} of the "
+            f"template's; 99.9 % of people from six years on have {_mm(worst.least_m)} to {_mm(worst.largest_m)} mm",
+            where=where,
+            remedy=_REMEDY,
+        )
+    for one, other in pairwise(bones):
+        ratio = (one.length_m / one.template_m) / (other.length_m / other.template_m)
+        if max(ratio, 1.0 / ratio) > _NEIGHBOURS and {one.bone, other.bone} <= _MEASURES.keys():
+            usual = one.template_m / other.template_m
+            raise FitError(
+                f"the {one.bone} came out {_mm(one.length_m)} mm long and the {other.bone} {_mm(other.length_m)} mm, "
+                f"{ratio * usual:.2f} to 1; people have {usual / _NEIGHBOURS:.2f} to {usual * _NEIGHBOURS:.2f} to 1",
+                where=where,
+                remedy="the limb is probably laid along something else, or a part of it was never seen: narrow the "
+                "region, choose other frames, or give first poses",
+            )
+    scales = body.shape[::4]
+    joint = int(np.abs(np.log(scales)).argmax())
+    if not _LEAST_GIRTH <= scales[joint] <= _LARGEST_GIRTH:
+        raise FitError(
+            f"the {body.affine.groups[joint]} came out {scales[joint]:.2f} times as thick as the template's; people "
+            f"have {_LEAST_GIRTH} to {_LARGEST_GIRTH}",
+            where=where,
+            remedy=_REMEDY,
+        )
+
+
+def _named_bones(anatomy: Anatomy, body: Body) -> Iterator[tuple[str, int, int]]:
+    """A bone's name, and the two groups of handles that it spans: the first of bones that span the same."""
+    for first, last in bones_between_groups(anatomy, body.affine):
+        ends = {body.affine.groups[first], body.affine.groups[last]}
+        spans = (
+            bone.name for bone in anatomy.bones if {h.joint for h in anatomy.handles if h.bone == bone.name} == ends
+        )
+        yield next(spans), first, last
+
+
+def _mm(length_m: float) -> str:
+    return f"{1e3 * length_m:.0f}"

@@ -1,0 +1,120 @@
+"""Children and very tall people are found at their own size; sizes that nobody has are refused by bone."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adapt.anatomy import load_anatomy
+from adapt.fit.overall_size import settle_size
+from adapt.fit.plausible_sizes import refuse_what_nobody_is
+from adapt.fit.priors import overall_size
+from adapt.fit.sample import sample_skin
+from adapt.fit.shape import fit_shape
+from adapt.fit.start import locate, try_pose
+from adapt.model.body import joint_centres, make_body
+from adapt.model.size import handle_centres, resized
+from capture.errors import FitError
+from tests.known_limb import bent, exact_target
+from track.evaluation.performance import random_body
+
+SEED = 21
+BENT = ((70.0, 20.0), (30.0, -30.0), (100.0, 0.0), (60.0, 60.0))  # elbow and forearm, degrees
+SOMEWHERE = Path("recording")
+
+
+@pytest.fixture(scope="module")
+def sample(arm):
+    return sample_skin(arm, at_most=1200)
+
+
+def settled(arm, sample, true, theta):
+    """The size found in one exact cloud, and at which sizes the limb was looked for."""
+    target, sizes = exact_target(true, theta), []
+
+    def search(body, size):
+        sizes.append(size)
+        return locate(body, target, sample, [])
+
+    return settle_size(make_body(arm), target, search), sizes
+
+
+def adapted_error(arm, sample, size):
+    """Mean error of joint centres against the size, and of the bent angles (deg), of a limb that large."""
+    true = resized(random_body(arm, SEED), size)
+    thetas = [bent(true, *angles) for angles in BENT]
+    found, _ = settled(arm, sample, true, thetas[0])
+    targets = [exact_target(true, theta) for theta in thetas]
+    starts = [found.pose.fit.theta + theta - thetas[0] for theta in thetas]  # how far the joints turned is known
+    poses = [try_pose(found.body, t, sample, start) for t, start in zip(targets, starts, strict=True)]
+    fitted = fit_shape(found.body, targets, np.array([pose.fit.theta for pose in poses]), sample)
+    apart, turned = [], []
+    for theta, true_theta in zip(fitted.thetas, thetas, strict=True):
+        centres = joint_centres(true, true_theta)
+        apart += [np.linalg.norm(c - centres[name]) for name, c in joint_centres(fitted.body, theta).items()]
+        turned += list(np.rad2deg(np.abs(theta - true_theta)[6:]))
+    return float(np.mean(apart)) / size, float(np.mean(turned))
+
+
+@pytest.mark.parametrize("size", [0.6, 1.25])
+def test_a_limb_of_another_size_is_found_at_its_own(arm, sample, size):
+    true = resized(random_body(arm, SEED), size)
+    theta = bent(true, 70.0, 20.0)
+    found, _ = settled(arm, sample, true, theta)
+    assert overall_size(found.body) == pytest.approx(overall_size(true), rel=0.08)
+    centres = joint_centres(true, theta)
+    for name, centre in joint_centres(found.body, found.pose.fit.theta).items():
+        assert np.linalg.norm(centre - centres[name]) < 0.05 * size, name
+
+
+def test_a_grown_up_is_looked_for_once_and_keeps_the_template(arm, sample):
+    true = random_body(arm, SEED)
+    found, sizes = settled(arm, sample, true, bent(true, 70.0, 20.0))
+    assert sizes == [1.0]
+    np.testing.assert_array_equal(found.body.shape, make_body(arm).shape)
+
+
+def test_a_child_is_adapted_to_as_well_as_a_grown_up_for_its_size(arm, sample):
+    child, grown = (adapted_error(arm, sample, size) for size in (0.62, 1.0))
+    assert child[0] < 1.5 * grown[0] + 0.001, (child, grown)
+    assert child[1] < 1.5 * grown[1] + 1.0, (child, grown)
+
+
+def test_a_resized_body_is_the_same_body_larger(arm):
+    body = random_body(arm, SEED)
+    grown = resized(body, 0.7)
+    spans = [np.diff(handle_centres(one), axis=0) for one in (body, grown)]
+    np.testing.assert_allclose(spans[1], 0.7 * spans[0], atol=1e-12)
+    skins = [one.v_tilde.value - handle_centres(one)[0] for one in (body, grown)]
+    np.testing.assert_allclose(skins[1], 0.7 * skins[0], atol=1e-7)  # weights are stored in single precision
+
+
+@pytest.mark.parametrize("anatomy", ["upper-limb-right", "lower-limb-right"])
+@pytest.mark.parametrize("size", [0.6, 1.0, 1.25])
+def test_people_of_six_and_tall_ones_are_not_refused(anatomy, size):
+    for seed in range(6):
+        refuse_what_nobody_is(resized(random_body(load_anatomy(anatomy), seed), size), SOMEWHERE)
+
+
+@pytest.mark.parametrize("size", [0.1, 0.4, 1.5, 10.0])  # centimetres for millimetres, half or twice the focal length
+def test_a_size_that_nobody_has_is_refused_by_bone_with_its_causes(arm, size):
+    with pytest.raises(FitError) as refusal:
+        refuse_what_nobody_is(resized(make_body(arm), size), SOMEWHERE)
+    text = str(refusal.value)
+    assert f"{size:.2f} of the template's" in text
+    assert re.search(r"the \w+ came out \d+ mm long", text)
+    assert "99.9 % of people" in text
+    causes = ["unit", "focal length", "side", "something else"]
+    assert [text.index(cause) for cause in causes] == sorted(text.index(cause) for cause in causes)
+
+
+def test_a_forearm_too_long_for_its_upper_arm_is_refused(arm):
+    body = make_body(arm)
+    shape = body.shape.reshape(-1, 4).copy()
+    shape[1:, 1:] -= 0.3 * (body.affine.centres[1] - body.affine.centres[0])  # the upper arm 0.7,
+    shape[2:, 1:] += 0.3 * (body.affine.centres[2] - body.affine.centres[1])  # the forearm 1.3 times as long
+    with pytest.raises(FitError, match=r"the humerus came out 212 mm long and the ulna 322 mm"):
+        refuse_what_nobody_is(make_body(arm, shape=shape.ravel()), SOMEWHERE)
