@@ -23,6 +23,7 @@ from adapt.fit.other_limb import refuse_two_limbs
 from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit, fit_pose
+from adapt.fit.priors import overall_size
 from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_the_other_side
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
@@ -129,7 +130,7 @@ def _asked_side(
     """How well the example poses tell the asked side's limb from the other's, and from a second limb in sight."""
     progress("which side, and which limb")
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
-    scale = float(np.median(body.shape[::4]))
+    scale = overall_size(body)
     side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
     try:
         refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)

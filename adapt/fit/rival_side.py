@@ -30,6 +30,7 @@ from adapt.fit.shape import ShapeFit, fit_shape
 from adapt.fit.start import try_pose
 from adapt.mirror import mirrored_body, mirrored_name
 from adapt.model.body import Body, make_body, moved_rigidly, pose_skin
+from adapt.model.size import resized
 from capture.errors import FitError
 from capture.rigid import exp_so3
 
@@ -89,7 +90,7 @@ def compare_sides(
 
     ``gone`` (V,) is skin that takes no part. None where either side fits nowhere.
     """
-    asked = _similar(anatomy, scale)
+    asked = resized(make_body(anatomy), scale)  # neither side begins with what the other made of the clouds
     other = mirrored_body(asked)
     gone = np.zeros(len(anatomy.skin_vertices), dtype=bool) if gone is None else gone
     sample = without(sample_skin(anatomy, at_most=_SAMPLED_VERTICES), gone)
@@ -109,12 +110,6 @@ def compare_sides(
     except FitError:
         return None
     return SideEvidence(asked_m, other_m, patches, _improbability(two) - _improbability(one))
-
-
-def _similar(anatomy: Anatomy, scale: float) -> Body:
-    """The template grown or shrunk as a whole: neither side is to begin with what the other made of the clouds."""
-    body = make_body(anatomy)
-    return make_body(anatomy, shape=body.affine.uniform(scale))
 
 
 def _fit(body: Body, targets: list[Target], thetas: Floats, sample: SkinSample) -> ShapeFit:

@@ -34,15 +34,6 @@ class AffineSet:
         """The shape (4J,) that leaves the template as it is."""
         return np.tile([1.0, 0.0, 0.0, 0.0], len(self.groups))
 
-    def uniform(self, scale: float) -> Floats:
-        """The shape (4J,) of the template grown or shrunk as a whole, about its first group's centre.
-
-        >>> AffineSet(("hip", "knee"), np.array([[1.0, 1, 1], [1, 1.4, 1]]), np.zeros(8), np.eye(8)).uniform(1.5)
-        array([1.5, 0. , 0. , 0. , 1.5, 0. , 0.2, 0. ])
-        """
-        shift = (scale - 1.0) * (self.centres - self.centres[0])
-        return np.column_stack([np.full(len(self.groups), scale), shift]).ravel()
-
     def handle_parameters(self, shape: Floats) -> Floats:
         """a (H, 4) of a shape (4J,)."""
         return np.asarray(self.origin + self.basis @ shape).reshape(-1, 4)
