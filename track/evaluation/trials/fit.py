@@ -49,7 +49,7 @@ def track_and_judge(made: Made, folder: Path) -> Outcome:
         told = bonetrack(*step)
         if told.code != 0:
             return refused(told, {"step": str(step[0]), "seconds": time.perf_counter() - start})
-        doubts += told.doubts
+        doubts += [] if step[0] == "calibrate" else told.doubts  # that is of the sensors, not of this result
     found = load_motion(motion)
     numbers = errors_of(found, made, subject) | {"doubts": doubts, "seconds": time.perf_counter() - start}
     verdict = _verdict(numbers, doubts, same_side=made.anatomy == made.truth.body.anatomy.name)
