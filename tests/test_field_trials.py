@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from adapt.anatomy import load_anatomy
-from adapt.model.body import joint_centres, make_body, pose_skin, rest_theta
+from adapt.anatomy import Floats, load_anatomy
+from adapt.model.body import Body, joint_centres, make_body, pose_skin, rest_theta
 from track.evaluation import field_trials
 from track.evaluation.field_trials import outcome_of
 from track.evaluation.performance import Performance
@@ -21,11 +21,11 @@ from track.evaluation.trials.people import ARM, part_of
 from track.evaluation.trials.real import situations_of
 from track.evaluation.trials.recorded import sized
 from track.evaluation.trials.sensors import as_disparity
-from track.evaluation.trials.situation import SEEDS, Outcome, Situation
+from track.evaluation.trials.situation import SEEDS, Outcome, Situation, Verdict
 from track.evaluation.trials.times import change_times
 
 
-def toy(runs: list[int], verdict: str = "refused") -> Situation:
+def toy(runs: list[int], verdict: Verdict = "refused") -> Situation:
     def run(seed: int, folder: Path) -> Outcome:
         assert not list(folder.iterdir())
         (folder / "recording").mkdir()
@@ -85,7 +85,14 @@ def test_a_verdict_asks_for_small_errors_and_for_deviations_that_cover_them() ->
     assert fit._verdict(numbers(1.0, 0.50), [], same_side=True) == "overconfident"
     assert fit._verdict(numbers(20.0, 0.50), [], same_side=True) == "WRONG WITHOUT A WORD"
     assert fit._verdict(numbers(20.0, 0.95), [], same_side=True) == "said"
+    one_frame = numbers(1.0, 0.95) | {"gross_frames": 1}
+    assert fit._verdict(one_frame, [], same_side=True) == "WRONG WITHOUT A WORD"
     assert fit._verdict(numbers(20.0, 0.50), ["warning: doubtful"], same_side=True) == "said"
+
+
+def test_a_frame_is_far_off_only_where_its_deviation_does_not_tell() -> None:
+    errors, stated = {"elbow": np.array([1.0, 130.0, 130.0, np.nan])}, {"elbow": np.array([2.0, 7.0, 100.0, 1.0])}
+    assert fit.gross_frames(errors, stated) == 1
 
 
 def test_a_result_for_the_wrong_side_is_wrong_unless_it_speaks_of_the_side() -> None:
@@ -105,9 +112,9 @@ def test_a_body_of_another_size_has_all_its_joints_as_far_apart_as_that() -> Non
     small = sized(body, 0.6)
     theta = rest_theta(body)
 
-    def spans(who):  # type: ignore[no-untyped-def]
+    def spans(who: Body) -> Floats:
         centres = np.array(list(joint_centres(who, theta).values()))
-        return np.linalg.norm(np.diff(centres, axis=0), axis=1)
+        return np.asarray(np.linalg.norm(np.diff(centres, axis=0), axis=1))
 
     assert spans(small) == pytest.approx(0.6 * spans(body), rel=1e-6)
     assert np.ptp(pose_skin(small, theta), axis=0).max() < 0.7 * np.ptp(pose_skin(body, theta), axis=0).max()

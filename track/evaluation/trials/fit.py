@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from adapt.anatomy import Floats
 from adapt.mirror import mirrored_coordinate
 from adapt.subject import load_subject
 from capture.recording import open_recording
@@ -21,6 +22,7 @@ from track.motion import Motion, load_motion
 
 BOUND_DEG = 5.0  # of any angle's mean error; docs/accuracy.md has 0.3 to 3 degrees over longer recordings
 _SAME_S = 1e-3
+GROSS_DEG = 20.0  # an error beyond this, and beyond two stated deviations, is wrong in whatever company
 HONEST = 0.9  # share of errors within two stated deviations
 
 
@@ -47,7 +49,7 @@ def track_and_judge(made: Made, folder: Path) -> Outcome:
         told = bonetrack(*step)
         if told.code != 0:
             return refused(told, {"step": str(step[0]), "seconds": time.perf_counter() - start})
-        doubts += told.doubts
+        doubts += [] if step[0] == "calibrate" else told.doubts  # that is of the sensors, not of this result
     found = load_motion(motion)
     numbers = errors_of(found, made, subject) | {"doubts": doubts, "seconds": time.perf_counter() - start}
     verdict = _verdict(numbers, doubts, same_side=made.anatomy == made.truth.body.anatomy.name)
@@ -84,8 +86,15 @@ def errors_of(motion: Motion, made: Made, subject: Path) -> dict[str, Any]:
         if known[name].any()
     }
     within = [(errors[n] <= 2.0 * stated[n])[known[n]] for n in stated if known[n].any()]
+    numbers["gross_frames"] = gross_frames(errors, stated)
     numbers["within_2_sd"] = float(np.concatenate(within).mean()) if within else None
     return numbers
+
+
+def gross_frames(errors: Mapping[str, Floats], stated: Mapping[str, Floats]) -> int:
+    """How many frames have an angle that is far off while its deviation says that it is not; all (T,) deg."""
+    far = [(errors[name] > np.maximum(GROSS_DEG, 2.0 * stated[name])) for name in stated]
+    return int(np.any(far, axis=0).sum()) if far else 0
 
 
 def _on_the_truths_clock(motion: Motion, truth: Truth) -> Motion | None:
@@ -119,6 +128,8 @@ def _verdict(numbers: dict[str, Any], doubts: list[str], *, same_side: bool) -> 
         return "said" if doubts else "WRONG WITHOUT A WORD"
     if not numbers["angles"]:
         return "said"  # nothing is claimed: every frame is lost, with its reason
+    if numbers.get("gross_frames"):
+        return "said" if doubts else "WRONG WITHOUT A WORD"
     honest = numbers["within_2_sd"] is None or numbers["within_2_sd"] >= HONEST
     accurate = max(angle["mean"] for angle in numbers["angles"].values()) <= BOUND_DEG
     if accurate:
@@ -134,4 +145,6 @@ def _line(numbers: dict[str, Any], doubts: list[str]) -> str:
     parts += [f"{name} off by {angle['mean']:.1f} (at most {angle['max']:.1f}) deg" for name, angle in angles[:2]]
     if numbers["within_2_sd"] is not None:
         parts.append(f"{100 * numbers['within_2_sd']:.0f} % within two stated deviations")
+    if gross := numbers.get("gross_frames"):
+        parts.append(f"{gross} frames far off and beyond their deviations")
     return "; ".join([*parts, *(f"said: {line}" for line in doubts[:2])])

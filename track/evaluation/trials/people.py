@@ -20,11 +20,13 @@ ARM, LEG = "upper-limb-right", "lower-limb-right"
 _SLEEVE_M, _FOLDS_M = 0.010, 0.004  # thickness, and how far its folds go up and down
 
 
-def sound(anatomy: str, *, asked: str | None = None, factor: float = 1.0) -> Callable[[int, Path], Made]:
+def sound(
+    anatomy: str, *, asked: str | None = None, factor: float = 1.0, speed: int = 1
+) -> Callable[[int, Path], Made]:
     """A sound recording of a random body; ``asked`` is the anatomy to ask for, if it is another one."""
 
     def make(seed: int, folder: Path) -> Made:
-        truth = record(performance_of(anatomy, seed, factor=factor), folder, seed=seed)
+        truth = record(performance_of(anatomy, seed, factor=factor, speed=speed), folder, seed=seed)
         return Made(folder, asked or anatomy, truth)
 
     return make
@@ -93,4 +95,5 @@ MAKERS: dict[str, Callable[[int, Path], Made]] = {
     "tall man 1.25": sound(ARM, factor=1.25),
     "child's leg 0.62": sound(LEG, factor=0.62),
     "thick sleeve": in_a_sleeve,
+    "fast forearm": sound(ARM, speed=2),
 }

@@ -18,7 +18,8 @@ from track.evaluation.performance import Performance, perform, random_body
 from track.evaluation.simulate import performance_rig
 from track.motion import coordinate_names
 
-INSTANTS = 16
+INSTANTS = 20
+_SPEEDS = {1: 40, 2: 20}  # instants of a whole motion; at the first, a forearm turns by at most 19 degrees between two
 _FPS = 10.0
 _ARM, _LEG = "bend-and-twist", "walk"
 
@@ -59,13 +60,14 @@ def sized(body: Body, factor: float) -> Body:
 
 
 def performance_of(
-    anatomy: str, seed: int, *, factor: float = 1.0, change: Callable[[Body], Body] = lambda b: b
+    anatomy: str, seed: int, *, factor: float = 1.0, speed: int = 1, change: Callable[[Body], Body] = lambda b: b
 ) -> Performance:
-    """A random body that makes one made-up motion."""
+    """A random body that makes the first 20 instants of a made-up motion, calmly or at twice the ``speed``."""
     template = load_anatomy(anatomy)
     body = change(sized(random_body(template, seed), factor))
     motion = _ARM if anatomy.startswith("upper") else _LEG
-    return perform(body, (motion,), seconds_each=INSTANTS / _FPS, fps=_FPS, seed=seed)
+    whole = perform(body, (motion,), seconds_each=_SPEEDS[speed] / _FPS, fps=_FPS, seed=seed)
+    return Performance(body, whole.times[:INSTANTS], whole.thetas[:INSTANTS])
 
 
 def record(

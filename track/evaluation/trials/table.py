@@ -40,6 +40,7 @@ _RECORDED = {  # by the maker's name: what is tried, what came out
     "tall man 1.25": ("a very tall man, 1.25 of the template", ""),
     "hand missing": ("the hand is missing", "forearm shortened to the stump: wrist 37 mm off, claimed in every frame"),
     "thick sleeve": ("a sleeve 6 to 14 mm thick", ""),
+    "fast forearm": ("a forearm that turns by up to 40 degrees from image to image", ""),
     "raw Kinect disparity": (
         "raw 11-bit Kinect disparity read as millimetres",
         "a subject with all sizes 1.30 and coverage 51 to 65 %",
