@@ -19,7 +19,7 @@ from capture.cloud.fuse import fuse
 from capture.console import stdout
 from capture.errors import RecordingError
 from capture.recording import Recording, instants, open_recording
-from capture.recording.read import CALIBRATION_FILE
+from capture.recording.types import CALIBRATION_FILE
 from track.commands import print_motion
 from track.evaluation.commands import print_evaluation
 from track.evaluation.errors import evaluate_motion, read_truth, write_evaluation
