@@ -108,7 +108,7 @@ def osim_joints(body: Body) -> list[OsimJoint]:
     """All joints of a body, parents before their children."""
     frames, theta = body_frames(body), rest_theta(body)
     seen: set[str] = set()
-    joints = []
+    joints: list[OsimJoint] = []
     for joint in body.anatomy.joints:
         follows = bool(seen & set(joint.coordinates))
         joints += _osim_joint(body, joint, frames, theta, follows)
