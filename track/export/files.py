@@ -11,6 +11,7 @@ from adapt.subject import Subject
 from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
+from track.belonging import refuse_other_subject
 from track.export.opensim_tables import write_mot, write_mot_in_radians, write_trc
 from track.export.osim import landmark_markers, marker_paths, write_osim
 from track.export.osim_motion import in_si_with_coupled, with_coupled, write_states
@@ -38,13 +39,9 @@ def export_motion(
     Bones that do not show in the frame are left out, with the skin that rides on them.
 
     Raises:
-        MotionError: the frame does not exist or was lost, the subject is of another anatomy, or pyarrow is missing.
+        MotionError: the frame does not exist or was lost, it is one of another subject, or pyarrow is missing.
     """
-    if motion.anatomy != subject.anatomy.name:
-        raise MotionError(
-            f"a motion of anatomy {motion.anatomy!r} does not go with a subject of {subject.anatomy.name!r}",
-            remedy="give the subject that was tracked",
-        )
+    refuse_other_subject(motion, subject)
     if frame is not None:
         _check_frame(motion, frame)
     out.mkdir(parents=True, exist_ok=True)
