@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import AnatomyError
-from capture.files import UNREADABLE, read_arrays, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -286,13 +286,14 @@ def _known() -> list[str]:
 
 def _read_anatomy(path: Path) -> Anatomy:
     try:
-        read = read_arrays(path)
+        read = read_arrays(path, _KNOWN)
         description = json.loads(str(read.pop("description")))
         _check_format(description, path)
         arrays = {key: _widen(value) for key, value in read.items()}
         return _from_parts(description, arrays)
     except UNREADABLE as error:
-        raise AnatomyError("not an anatomy file", where=path, remedy="build or download it again") from error
+        problem = unreadable("an anatomy file", error)
+        raise AnatomyError(problem, where=path, remedy="build or download it again") from error
 
 
 _ARRAYS = (
@@ -305,6 +306,8 @@ _ARRAYS = (
     "fit_weight",
 )
 _BONE_ARRAYS = ("vertices", "faces", "handle_weights")
+_MOST_BYTES = 64 << 20  # of one array, fifty times the largest of the shipped anatomies'
+_KNOWN = dict.fromkeys((*_ARRAYS, "description", "bone/", "tetrahedra/"), _MOST_BYTES)
 
 
 def _check_format(description: Any, path: Path) -> None:

@@ -13,10 +13,12 @@ from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, make_body
 from adapt.tissue import MODES
 from capture.errors import AnatomyError
-from capture.files import UNREADABLE, read_arrays, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 
 FORMAT = "bonetrack-subject"
 VERSION = 2  # 1: the covariance is that of the shape alone
+_MOST_BYTES = 16 << 20  # of one array, a hundred times the largest of the shipped anatomies'
+_KNOWN = dict.fromkeys(("description", "shape", "displacement", "thetas", "times", "covariance"), _MOST_BYTES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +87,13 @@ def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
     if not path.is_file():
         raise AnatomyError("no such subject file", where=path, remedy="make one with `bonetrack adapt`")
     try:
-        read = read_arrays(path)
+        read = read_arrays(path, _KNOWN)
         description = json.loads(str(read.pop("description")))
         arrays = {key: value.astype(np.float64) for key, value in read.items()}
         return _from_parts(path, description, arrays, anatomy)
     except UNREADABLE as error:
-        raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`") from error
+        problem = unreadable("a subject file", error)
+        raise AnatomyError(problem, where=path, remedy="make one with `bonetrack adapt`") from error
 
 
 def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: str | None) -> Subject:

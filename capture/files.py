@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,26 +30,67 @@ UNREADABLE = (
 )
 """What numpy raises for an ``.npz`` file that is cut short, damaged, or something else."""
 
-MOST_BYTES = 4 << 30
-"""An ``.npz`` file that would become larger than this in memory is refused: an hour of motion has a tenth of it."""
+MOST_BYTES = 512 << 20
+"""Of all arrays read from one file: five hours of a leg's motion at 30 frames a second."""
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """All arrays of an ``.npz`` file by name; nothing is unpickled.
+class TooLarge(ValueError):
+    """An array is larger than any that belongs there; the text says which."""
+
+
+def read_arrays(path: Path, known: Mapping[str, int]) -> dict[str, NDArray[Any]]:
+    """Arrays of an ``.npz`` file by name; nothing is unpickled.
+
+    ``known`` has the most bytes that each may take, by name; a name that ends in ``/`` stands for all that begin with
+    it. Others are left alone, and sizes are looked at before anything is read, so that a small file cannot take much
+    memory. Which arrays there must be is for the caller to check.
 
     Raises:
-        Exception: one of ``UNREADABLE``.
+        Exception: one of ``UNREADABLE``, and of these ``TooLarge`` for an array or a sum beyond its limit.
     """
-    with zipfile.ZipFile(path) as members:
-        claimed = sum(member.file_size for member in members.infolist())
-    if claimed > MOST_BYTES:
-        raise ValueError(f"would become {claimed} bytes")
-    with np.load(path, allow_pickle=False) as data:
-        arrays = {key: data[key] for key in data.files}
-    for key, value in arrays.items():
-        if not isinstance(value, np.ndarray):  # numpy gives what is no array as it stands there
-            raise ValueError(f"{key} is no array")
+    with zipfile.ZipFile(path) as archive:
+        names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+        limits = {name: limit for name in names if (limit := _limit(name, known)) is not None}
+        total = 0
+        for name, limit in limits.items():
+            size = _size(archive, name)
+            total += size
+            if size > limit or total > MOST_BYTES:
+                most = f"{limit} bytes" if size > limit else f"{MOST_BYTES} bytes with those before it"
+                raise TooLarge(f"{name} would take {size} bytes of memory, more than {most}")
+        arrays = {}
+        for name in limits:
+            with archive.open(f"{name}.npy") as member:
+                arrays[name] = np.lib.format.read_array(member, allow_pickle=False)
     return arrays
+
+
+def unreadable(what: str, error: BaseException) -> str:
+    """What a file is not, in words, with the array that is too large if that is why.
+
+    >>> unreadable("a motion file", TooLarge("times would take 80 bytes of memory, more than 8 bytes"))
+    'not a motion file: times would take 80 bytes of memory, more than 8 bytes'
+    >>> unreadable("a motion file", EOFError())
+    'not a motion file'
+    """
+    return f"not {what}: {error}" if isinstance(error, TooLarge) else f"not {what}"
+
+
+def _limit(name: str, known: Mapping[str, int]) -> int | None:
+    return known.get(name, next((m for group, m in known.items() if group[-1] == "/" and name.startswith(group)), None))
+
+
+def _size(archive: zipfile.ZipFile, name: str) -> int:
+    """Bytes that an array would take, by its header."""
+    with archive.open(f"{name}.npy") as member:
+        version = np.lib.format.read_magic(member)
+        if version == (1, 0):
+            shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+        elif version == (2, 0):
+            shape, _, dtype = np.lib.format.read_array_header_2_0(member)
+        else:
+            raise ValueError(f"{name} is of format {version}")
+    return math.prod(shape) * dtype.itemsize
 
 
 @contextmanager

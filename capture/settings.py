@@ -11,6 +11,7 @@ from typing import Any
 
 from capture.cloud.fuse import region_of_interest
 from capture.recording import Recording, Region
+from capture.recording.fingerprint import fingerprint
 
 _DECIDING = ("bonetrack", "numpy", "scipy", "numba", "open3d", "opencv-contrib-python-headless", "libigl")
 """Distributions that numbers depend on."""
@@ -31,6 +32,11 @@ def version_of(distribution: str) -> str:
 def versions() -> dict[str, str]:
     """Versions of the program, of Python, and of what the numbers depend on."""
     return {"Python": platform.python_version()} | {name: version_of(name) for name in _DECIDING}
+
+
+def recording_used(recording: Recording) -> dict[str, str]:
+    """Which recording a result is made from: what its folder is called, and what tells it from others."""
+    return {"recording": recording.path.resolve().name, "recording_fingerprint": fingerprint(recording)}
 
 
 def region_used(recording: Recording, given: Region | None) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import pickle
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adapt.anatomy import load_anatomy, save_anatomy
 from adapt.subject import load_subject
 from capture import files
 from capture.errors import BonetrackError
@@ -28,7 +30,7 @@ def array(value: object) -> bytes:
 
 
 def headed(shape: str) -> bytes:
-    """An array file without numbers that claims a shape."""
+    """The head of an array file that claims a shape."""
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
     header += b" " * (-(len(header) + 11) % 64) + b"\n"
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
@@ -39,9 +41,11 @@ def described(members: Members, **changes: object) -> bytes:
     return array(json.dumps(description | changes))
 
 
-def written(path: Path, file: bytes, change: Callable[[Members], Members]) -> Path:
+def written(
+    path: Path, file: bytes, change: Callable[[Members], Members], compression: int = zipfile.ZIP_STORED
+) -> Path:
     """The file with some of its members changed."""
-    with zipfile.ZipFile(io.BytesIO(file)) as old, zipfile.ZipFile(path, "w") as new:
+    with zipfile.ZipFile(io.BytesIO(file)) as old, zipfile.ZipFile(path, "w", compression) as new:
         members = {name: old.read(name) for name in old.namelist()}
         for name, data in (members | change(members)).items():
             new.writestr(name, data)
@@ -66,7 +70,8 @@ BAD: dict[str, Callable[[Members], Members]] = {
 def test_what_is_no_subject_or_motion_is_refused_in_one_line(tmp_path: Path, kind: str, what: str) -> None:
     made, load = {"subject": (made_files()[0], load_subject), "motion": (made_files()[1], load_motion)}[kind]
     load(written(tmp_path / "good.npz", made, lambda m: {}))
-    with pytest.raises(BonetrackError, match=rf"bad\.npz: not a {kind} file; make one with") as error:
+    refused = rf"bad\.npz: not a {kind} file(: times would .*)?; make one with"
+    with pytest.raises(BonetrackError, match=refused) as error:
         load(written(tmp_path / "bad.npz", made, BAD[what]))
     assert "\n" not in str(error.value)
 
@@ -81,15 +86,67 @@ def test_a_motion_whose_settings_name_no_region_is_refused_in_one_line(tmp_path:
         load_motion(path)
 
 
-def test_a_small_file_that_would_become_enormous_is_refused_before_it_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+MADE = {"subject": (0, load_subject), "motion": (1, load_motion)}
+HUGE = 400 << 20  # bytes, of zeros: 400 kB in a file
+
+
+def memory_taken(act: Callable[[], object]) -> int:
+    tracemalloc.start()
+    try:
+        act()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.fixture(scope="module")
+def zeros() -> bytes:
+    return headed(f"({HUGE // 8},)") + bytes(HUGE)
+
+
+def small_file(path: Path, kind: str, name: str, data: bytes) -> Path:
+    made = written(path, made_files()[MADE[kind][0]], lambda m: {name: data}, zipfile.ZIP_DEFLATED)
+    assert made.stat().st_size < 5 << 20
+    return made
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_an_enormous_array_that_nobody_knows_is_not_read(tmp_path: Path, kind: str, zeros: bytes) -> None:
+    path, load = small_file(tmp_path / "extra.npz", kind, "extra.npy", zeros), MADE[kind][1]
+    load(path)  # what is read once and kept
+    assert memory_taken(lambda: load(path)) < 20 << 20
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_an_enormous_array_that_is_known_is_refused_by_name_without_taking_memory(
+    tmp_path: Path, kind: str, zeros: bytes
 ) -> None:
-    bomb = written(tmp_path / "bomb.npz", made_files()[1], lambda m: {"zeros.npy": array(np.zeros(10_000))})
-    load_motion(bomb)
+    path, load = small_file(tmp_path / "bomb.npz", kind, "thetas.npy", zeros), MADE[kind][1]
+
+    def refused() -> None:
+        with pytest.raises(BonetrackError, match=rf"not a {kind} file: thetas would take 4194.* bytes of memory"):
+            load(path)
+
+    assert memory_taken(refused) < 5 << 20
+
+
+def test_many_arrays_that_are_large_together_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    many = {f"transforms/{k}.npy": array(np.zeros((2, 4, 4))) for k in range(400)}
+    path = written(tmp_path / "many.npz", made_files()[1], lambda m: many)
     monkeypatch.setattr(files, "MOST_BYTES", 80_000)
-    monkeypatch.setattr(np, "load", lambda *_, **__: pytest.fail("was read"))
-    with pytest.raises(BonetrackError, match="not a motion file"):
-        load_motion(bomb)
+    with pytest.raises(BonetrackError, match=r"transforms/\d+ would take 256 bytes of memory, more than 80000 bytes"):
+        load_motion(path)
+
+
+def test_an_anatomy_of_ones_own_is_bounded_as_well(tmp_path: Path, zeros: bytes) -> None:
+    save_anatomy(load_anatomy("upper-limb-right"), tmp_path / "own.npz")
+    for name, refused in (("extra.npy", False), ("landmarks.npy", True)):
+        path = written(tmp_path / f"{name}.npz", (tmp_path / "own.npz").read_bytes(), lambda m, n=name: {n: zeros})
+        if not refused:
+            assert load_anatomy(str(path)).name == "upper-limb-right"
+            continue
+        with pytest.raises(BonetrackError, match="not an anatomy file: landmarks would take"):
+            load_anatomy(str(path))
 
 
 @pytest.mark.parametrize("name", ["../upper-limb-right", "/etc/upper-limb-right", "other.npz", ["upper-limb-right"]])

@@ -85,7 +85,7 @@ def test_mot_files_state_their_rows_columns_and_degrees(tmp_path, motion, limb):
     assert np.isfinite(np.delete(table, LOST, axis=0)).all()
 
 
-def test_trc_files_hold_millimetres_and_leave_lost_frames_empty(tmp_path, motion):
+def test_trc_files_hold_millimetres_and_nan_for_lost_frames(tmp_path, motion):
     write_trc(tmp_path / "c.trc", motion.times, motion.centres)
     lines = (tmp_path / "c.trc").read_text().split("\n")
     assert lines[0].split("\t")[:3] == ["PathFileType", "4", "(X/Y/Z)"]
@@ -98,7 +98,7 @@ def test_trc_files_hold_millimetres_and_leave_lost_frames_empty(tmp_path, motion
     rows = [line.split("\t") for line in lines[6:] if line]
     assert {len(row) for row in rows} == {2 + 3 * len(motion.centres)}
     assert [row[0] for row in rows] == [str(k + 1) for k in range(12)]
-    assert set(rows[LOST][2:]) == {""}
+    assert set(rows[LOST][2:]) == {"nan"}
     second = list(motion.centres.values())[1]
     np.testing.assert_allclose([float(x) for x in rows[5][5:8]], 1e3 * second[5], atol=1e-4)
 
@@ -110,7 +110,7 @@ def test_virtual_markers_keep_their_places_on_the_bones_they_ride_on(tmp_path, m
     rows = [line.split("\t") for line in lines[6:] if line]
     markers = landmark_markers(limb.subject.body)
     assert names == list(markers)
-    assert set(rows[LOST][2:]) == {""}
+    assert set(rows[LOST][2:]) == {"nan"}
     at = np.array(rows[5][2:], dtype=float).reshape(-1, 3) / 1e3
     bones, rest = posed_bones(limb.subject.body, motion.thetas[5]), limb.subject.body.rest_bones
     for name, place in zip(names, at, strict=True):
@@ -426,7 +426,7 @@ def test_bones_that_do_not_show_are_not_exported_nor_the_skin_that_rides_on_them
         assert {row["flexion"] for row in csv.DictReader(file)} == {"nan"}
 
 
-def test_centres_that_are_not_known_are_empty_cells(tmp_path, limb, motion):
+def test_centres_that_are_not_known_are_nan_and_no_cell_is_empty(tmp_path, limb, motion):
     shown = motion.shown & [name == "hand" for name in motion.transforms]
     _, centres = bones_and_centres(limb.subject, motion.thetas, shown)
     assert all(np.isnan(centre).all() for centre in centres.values())
@@ -435,8 +435,8 @@ def test_centres_that_are_not_known_are_empty_cells(tmp_path, limb, motion):
     write_trc(tmp_path / "c.trc", motion.times, centres)
     rows = [line.split("\t") for line in (tmp_path / "c.trc").read_text().split("\n")[6:] if line]
     assert {len(row) for row in rows} == {2 + 3 * len(centres)}
-    assert ["" not in row for row in rows] == [t == 5 for t in range(len(rows))]
-    assert set(rows[4][2:]) == {""}
+    assert ["nan" not in row for row in rows] == [t == 5 for t in range(len(rows))]
+    assert set(rows[4][2:]) == {"nan"}
 
 
 def test_a_chart_has_a_gap_where_an_angle_is_not_known(tmp_path, limb, motion, monkeypatch):

@@ -42,11 +42,14 @@ def track_command(
     from adapt.subject import load_subject
     from capture.recording import instants, open_recording
     from track.angles import read_thorax
+    from track.belonging import adapted_elsewhere
     from track.poses_by_hand import read_poses
     from track.run import track_recording
 
     opened = open_recording(recording)
     person = load_subject(subject, anatomy=anatomy)
+    if elsewhere := adapted_elsewhere(person, opened):
+        stdout.print(elsewhere, highlight=False)
     frame = read_thorax(thorax) if thorax else None
     by_hand = read_poses(poses, person.anatomy, frames=len(instants(opened))) if poses else ()
     with Progress(console=stdout, transient=True) as bar:

@@ -18,7 +18,7 @@ from adapt.fit.never_seen import ends
 from adapt.model.body import bone_transforms, joint_centres
 from adapt.subject import Subject
 from capture.errors import BonetrackError
-from capture.files import UNREADABLE, read_arrays, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 from track.settings import Settings
 from track.shown import Bools, centres_known
 
@@ -119,7 +119,7 @@ def load_motion(folder: Path) -> Motion:
     if not path.is_file():
         raise MotionError("no motion here", where=folder, remedy="make one with `bonetrack track`")
     try:
-        arrays = read_arrays(path)
+        arrays = read_arrays(path, _KNOWN)
         description = json.loads(str(arrays.pop("description")))
         if description["format"] != FORMAT:
             raise ValueError(description["format"])
@@ -143,7 +143,8 @@ def load_motion(folder: Path) -> Motion:
         _refuse_other_shapes(motion)
         return motion
     except UNREADABLE as error:
-        raise MotionError("not a motion file", where=path, remedy="make one with `bonetrack track`") from error
+        problem = unreadable("a motion file", error)
+        raise MotionError(problem, where=path, remedy="make one with `bonetrack track`") from error
 
 
 def _refuse_other_shapes(motion: Motion) -> None:
@@ -176,6 +177,8 @@ def coordinate_names(anatomy: Anatomy) -> tuple[str, ...]:
 
 
 _ARRAYS = ("times", "thetas", "deviations", "shown", "residuals", "coverage", "matches")
+_MOST_BYTES = 64 << 20  # of one array: half a million frames of a bone's transforms
+_KNOWN = dict.fromkeys((*_ARRAYS, "description", "transforms/", "centres/"), _MOST_BYTES)
 
 
 def _settings(kept: dict[str, Any] | None) -> Settings | None:

@@ -27,6 +27,7 @@ from capture.recording import Instant, Recording, instants, refuse_impossible_ra
 from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.backward import anchors, go_back
+from track.belonging import subject_fingerprint
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.osim_motion import with_coupled
 from track.export.quality_table import write_quality
@@ -76,7 +77,12 @@ def track_recording(
     _make_folder(out)
     tracker = make_tracker(subject)
     settings = settings_of(
-        recording, tracker.thresholds(), region=region, poses=poses, world_from_thorax=world_from_thorax
+        recording,
+        tracker.thresholds(),
+        subject=subject_fingerprint(subject),
+        region=region,
+        poses=poses,
+        world_from_thorax=world_from_thorax,
     )
     region = region or region_of_interest(recording)
     person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))

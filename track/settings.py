@@ -10,7 +10,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from capture.recording import Recording, Region, frames_used
-from capture.settings import region_used, versions
+from capture.settings import recording_used, region_used, versions
 from track.poses_by_hand import HandPose
 
 
@@ -32,13 +32,15 @@ def settings_of(
     recording: Recording,
     thresholds: Mapping[str, float],
     *,
+    subject: str,
     region: Region | None,
     poses: Sequence[HandPose],
     world_from_thorax: Floats | None,
 ) -> Settings:
-    """What a recording is tracked with; ``region`` is the one given, if any."""
+    """What a recording is tracked with: the ``subject``'s fingerprint, and the ``region`` that is given, if any."""
     options = {
-        "recording": recording.path.resolve().name,
+        **recording_used(recording),
+        "subject_fingerprint": subject,
         **region_used(recording, region),
         "frames_used": [asdict(used) for used in frames_used(recording)],
         "poses_by_hand": [{"name": pose.name, "frame": pose.frame} for pose in poses],

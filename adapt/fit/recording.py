@@ -35,7 +35,7 @@ from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.journal import Journal
 from capture.recording import Instant, Recording, frames_used, instants, refuse_impossible_rates
-from capture.settings import region_used, versions
+from capture.settings import recording_used, region_used, versions
 
 FEWEST_POSES = 4
 MOST_POSES = 8
@@ -108,7 +108,7 @@ def adapt_recording(
     refuse_what_nobody_is(adaptation.body, recording.path)
     settings = {
         "versions": versions(),
-        "recording": recording.path.resolve().name,
+        **recording_used(recording),
         **region_used(recording, region),
         "example_poses": poses if frames is None else len(usable),
         "frames_used": [asdict(used) for used in frames_used(recording)],

@@ -64,10 +64,13 @@ def evaluate_command(motion: Path, truth: Path, subject: Path, out: Path | None)
     """Errors of MOTION against the known truth of a simulated recording."""
     from adapt.subject import load_subject
     from capture.recording import open_recording
+    from track.belonging import refuse_other_subject
     from track.evaluation.errors import evaluate_motion, write_evaluation
     from track.motion import load_motion
 
-    evaluation = evaluate_motion(load_motion(motion), load_subject(subject), open_recording(truth))
+    tracked, person = load_motion(motion), load_subject(subject)
+    refuse_other_subject(tracked, person)
+    evaluation = evaluate_motion(tracked, person, open_recording(truth))
     print_evaluation(evaluation)
     if out is not None:
         write_evaluation(evaluation, out)

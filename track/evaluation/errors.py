@@ -109,6 +109,12 @@ def _plain(row: ErrorSummary) -> dict[str, Any]:
     return plain if row.covered is None else plain | {"within_2_sd": row.covered}
 
 
+_KNOWN = dict.fromkeys(
+    ("anatomy", "displacement", "shape", "times_s", "theta", "sensor_names", "world_from_sensor"), 64 << 20
+)
+"""The arrays of a truth, and the most bytes of each."""
+
+
 def read_truth(recording: Recording) -> Truth:
     """The truth of a recording that ``bonetrack simulate --anatomy`` made.
 
@@ -120,7 +126,7 @@ def read_truth(recording: Recording) -> Truth:
     if not path.is_file():
         raise MotionError("has no known truth (truth.npz)", where=recording.path, remedy=remedy)
     try:
-        data = read_arrays(path)
+        data = read_arrays(path, _KNOWN)
         anatomy = load_anatomy(str(data["anatomy"]))
         v_hat = anatomy.skin_vertices + data["displacement"]
         sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))

@@ -151,7 +151,8 @@ def replayed(model: Path, motion: Path, template: Body) -> Reconstruction:
     table = module.TimeSeriesTable(str(motion))
     loaded.getSimbodyEngine().convertDegreesToRadians(table)
     columns = {name: np.array(table.getDependentColumn(name).to_numpy()) for name in table.getColumnLabels()}
-    coordinates, bodies = list(loaded.getCoordinateSet()), list(loaded.getBodySet())
+    coordinates = list(loaded.getCoordinateSet())
+    bodies = [loaded.getBodySet().get(bone.name) for bone in template.anatomy.bones]  # and no phantoms
     missing = [c.getName() for c in coordinates if c.getName() not in columns]
     if missing:
         raise OpenSimError(f"no column {missing[0]}", where=motion, remedy="solve inverse kinematics again")

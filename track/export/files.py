@@ -11,9 +11,10 @@ from adapt.subject import Subject
 from capture._open3d import open3d
 from capture.files import replaced_when_complete
 from track.angles import reported_coordinates
-from track.export.opensim_tables import write_mot, write_trc
+from track.belonging import refuse_other_subject
+from track.export.opensim_tables import write_mot, write_mot_in_radians, write_trc
 from track.export.osim import landmark_markers, marker_paths, write_osim
-from track.export.osim_motion import with_coupled, write_states
+from track.export.osim_motion import in_si_with_coupled, with_coupled, write_states
 from track.export.tables import motion_tables, write_csv, write_parquet
 from track.motion import Motion, MotionError
 from track.shown import known_thetas, skin_shown
@@ -38,22 +39,20 @@ def export_motion(
     Bones that do not show in the frame are left out, with the skin that rides on them.
 
     Raises:
-        MotionError: the frame does not exist or was lost, the subject is of another anatomy, or pyarrow is missing.
+        MotionError: the frame does not exist or was lost, it is one of another subject, or pyarrow is missing.
     """
-    if motion.anatomy != subject.anatomy.name:
-        raise MotionError(
-            f"a motion of anatomy {motion.anatomy!r} does not go with a subject of {subject.anatomy.name!r}",
-            remedy="give the subject that was tracked",
-        )
+    refuse_other_subject(motion, subject)
     if frame is not None:
         _check_frame(motion, frame)
     out.mkdir(parents=True, exist_ok=True)
     columns = reported_coordinates(subject.anatomy, known_thetas(subject.anatomy, motion.thetas, motion.shown))
     write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
+    write_mot_in_radians(out / "angles_radians.mot", motion.times, in_si_with_coupled(subject.anatomy, columns))
     write_states(out / "coordinates.sto", motion.times, subject.anatomy, columns)
     write_trc(out / "centres.trc", motion.times, motion.centres)
     write_trc(out / "markers.trc", motion.times, marker_paths(landmark_markers(subject.body), motion.transforms))
-    written = [out / name for name in ("angles.mot", "coordinates.sto", "centres.trc", "markers.trc")]
+    names = ("angles.mot", "angles_radians.mot", "coordinates.sto", "centres.trc", "markers.trc")
+    written = [out / name for name in names]
     for name, table in motion_tables(motion, subject.anatomy).items():
         written.append(write_csv(out / f"{name}.csv", table))
         if parquet:

@@ -16,18 +16,34 @@ def write_mot(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
 
     Coordinates that OpenSim counts as coupled, named ``..._beta``, are given and written in radians.
     """
+    said = "Coupled coordinates (..._beta) are in radians, as OpenSim has them.\nRotations are in degrees"
+    _write_coordinates(path, times, columns, "yes", said)
+
+
+def write_mot_in_radians(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
+    """Write coordinates (T,) over time (s): all rotations in radians, translations in metres; NaN stays ``nan``.
+
+    Readers do not agree on coupled coordinates in files of degrees; here they have nothing to convert.
+    """
+    _write_coordinates(path, times, columns, "no", "Rotations are in radians")
+
+
+def _write_coordinates(path: Path, times: Floats, columns: Mapping[str, Floats], in_degrees: str, said: str) -> None:
     table = np.column_stack([times, *columns.values()])
     header = (
-        f"Coordinates\nversion=1\nnRows={len(table)}\nnColumns={table.shape[1]}\ninDegrees=yes\n\n"
-        "Coupled coordinates (..._beta) are in radians, as OpenSim has them.\n"
-        "Rotations are in degrees, translations in metres. What is not known is nan.\nendheader\n"
+        f"Coordinates\nversion=1\nnRows={len(table)}\nnColumns={table.shape[1]}\ninDegrees={in_degrees}\n\n"
+        f"{said}, translations in metres. What is not known is nan.\nendheader\n"
     )
     rows = ["\t".join(f"{value:.8f}" for value in row) for row in table]
     _write(path, header + "\t".join(["time", *columns]) + "\n" + "\n".join(rows) + "\n")
 
 
 def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
-    """Write points (T, 3) in metres as a marker file in millimetres; cells of what is not known (NaN) are empty."""
+    """Write points (T, 3) in metres as a marker file in millimetres; what is not known (NaN) is ``nan``.
+
+    Not an empty cell: OpenSim's table reader then counts too few columns where a row ends in one and refuses the file,
+    and nimblephysics passes over it, so that the markers after it stand under their neighbours' names.
+    """
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     names = "\t\t\t".join(points)
     axes = "\t".join(f"{c}{k}" for k in range(1, len(points) + 1) for c in "XYZ")
@@ -41,13 +57,9 @@ def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
         "",
     ]
     for frame, time in enumerate(times):
-        cells = [_cell(1e3 * value) for series in points.values() for value in series[frame]]
+        cells = [f"{1e3 * value:.5f}" for series in points.values() for value in series[frame]]
         lines.append("\t".join([str(frame + 1), f"{time:.6f}", *cells]))
     _write(path, "\n".join(lines) + "\n")
-
-
-def _cell(value: float) -> str:
-    return f"{value:.5f}" if np.isfinite(value) else ""
 
 
 def _write(path: Path, text: str) -> None:

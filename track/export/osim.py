@@ -46,14 +46,19 @@ class Marker:
 
 
 def write_osim(body: Body, folder: Path, *, markers: Mapping[str, Marker] | None = None) -> list[Path]:
-    """Write ``<anatomy>.osim`` and its bone meshes in ``Geometry``; markers are the landmarks if none are given."""
+    """Write ``<anatomy>.osim`` and its bone meshes in ``Geometry``; markers are the landmarks if none are given.
+
+    Each mesh stands there twice: OpenSim reads ``<bone>.obj``, nimblephysics looks for ``<bone>.obj.ply`` beside it.
+    """
     (folder / GEOMETRY).mkdir(parents=True, exist_ok=True)
     frames = body_frames(body)
     path = folder / f"{body.anatomy.name}.osim"
     written = [path]
     for bone in body.anatomy.bones:
         mesh = folder / GEOMETRY / f"{bone.name}.obj"
-        _write_obj(mesh, apply(inverse(frames[bone.name]), body.rest_bones[bone.name]), bone.faces)
+        vertices = apply(inverse(frames[bone.name]), body.rest_bones[bone.name])
+        _write_obj(mesh, vertices, bone.faces)
+        _write_ply(mesh.with_name(f"{bone.name}.obj.ply"), vertices, bone.faces)
         written.append(mesh)
     document = _document(body, frames, landmark_markers(body) if markers is None else markers)
     with replaced_when_complete(path) as partial:
@@ -98,7 +103,9 @@ def _document(body: Body, frames: Mapping[str, Floats], markers: Mapping[str, Ma
     _texts(model, credits=_CREDITS, length_units="meters", force_units="N", gravity=_numbers([0.0, -9.80665, 0.0]))
     ET.SubElement(model, "Ground", name="ground")
     masses, joints = segment_masses(body), osim_joints(body)
-    _set(model, "BodySet", (_body(name, frame, masses[name]) for name, frame in frames.items()))
+    bodies = [_body(name, frame, masses[name]) for name, frame in frames.items()]
+    bodies += [_phantom(joint.child) for joint in joints if joint.child not in frames]
+    _set(model, "BodySet", bodies)
     _set(model, "JointSet", (_joint(joint) for joint in joints))
     _set(model, "ConstraintSet", (_coupler(*pair) for pair in coupled_coordinates(body.anatomy).items()))
     _set(model, "MarkerSet", (_marker(name, marker, frames) for name, marker in markers.items()))
@@ -110,12 +117,20 @@ def _body(name: str, frame: Floats, mass: Mass) -> ET.Element:
     body = ET.Element("Body", name=name)
     geometry = ET.SubElement(body, "attached_geometry")
     mesh = ET.SubElement(geometry, "Mesh", name=f"{name}_mesh")
-    _texts(mesh, socket_frame="..", mesh_file=f"{name}.obj")
+    # OpenSim takes ones for granted, nimblephysics does not read a mesh without them.
+    _texts(mesh, socket_frame="..", scale_factors=_numbers(np.ones(3)), mesh_file=f"{name}.obj")
     turn = frame[:3, :3]
     inertia = turn.T @ mass.inertia @ turn
     six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]  # xx yy zz xy xz yz
     centre = apply(inverse(frame), mass.centre[None])[0]
     _texts(body, mass=_numbers([mass.mass]), mass_center=_numbers(centre), inertia=_numbers(six))
+    return body
+
+
+def _phantom(name: str) -> ET.Element:
+    """A body of next to no mass between two joints."""
+    body = ET.Element("Body", name=name)
+    _texts(body, mass="0.0001", mass_center="0 0 0", inertia="1e-07 1e-07 1e-07 0 0 0")
     return body
 
 
@@ -194,5 +209,16 @@ def _write_obj(path: Path, vertices: Floats, faces: Ints) -> None:
     """A triangle mesh (m) as Wavefront OBJ, which keeps the order of vertices."""
     lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in vertices]
     lines += [f"f {a} {b} {c}" for a, b, c in np.asarray(faces) + 1]
+    with replaced_when_complete(path) as partial:
+        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_ply(path: Path, vertices: Floats, faces: Ints) -> None:
+    """The same as PLY in text."""
+    lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    lines += [f"property float {axis}" for axis in "xyz"]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    lines += [f"{x:.7f} {y:.7f} {z:.7f}" for x, y, z in vertices]
+    lines += [f"3 {a} {b} {c}" for a, b, c in faces]
     with replaced_when_complete(path) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -7,10 +7,14 @@ A body's frame is the bone's ISB frame F_b. With J the joint's frame in rest spa
 where H is the joint's motion in rest space (adapt.model.joints), P and C are the offset frames, and X is what the
 joint's own functions make of the coordinates: body-fixed turns about three axes, then a shift in P.
 
-- free: OpenSim's FreeJoint, body-fixed X-Y-Z angles and a translation; ``track.angles`` reports those.
+- free: body-fixed X-Y-Z angles and a translation, which ``track.angles`` reports: what OpenSim's FreeJoint does, but
+  as a CustomJoint of six linear functions, because nimblephysics knows no FreeJoint.
 - hinge: PinJoint about P's z axis.
-- universal, ball: CustomJoint whose functions are the coordinates. Its axes meet in one point; ours miss each other by
+- universal: CustomJoint whose functions are the coordinates. Its axes meet in one point; ours miss each other by
   hundredths of a millimetre in bodies of unusual proportions, and the point nearest to all is taken.
+- ball: the same for the first two coordinates, to a phantom body without extent, and from there a PinJoint for the
+  third. One CustomJoint would do for OpenSim; nimblephysics turns three times about axes at right angles only, from
+  which those of an adapted hip are off by some hundredths of a degree.
 - spline: CustomJoint with SimmSplines sampled from ours. The first turn is the coordinate itself, about the line for
   which that is most nearly so, because OpenSim treats a coordinate that turns nothing in proportion as ``Coupled`` and
   leaves it in radians where a file says degrees.
@@ -21,7 +25,7 @@ its own, ``<coordinate>_beta`` as in OpenSim's models, and a CoordinateCouplerCo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 import numpy as np
@@ -95,6 +99,8 @@ def joints_of_coordinates(anatomy: Anatomy) -> dict[str, str]:
     for joint in anatomy.joints:
         names = joint.coordinates if joint.type != "free" else (*euler_names(joint), *joint.coordinates[3:])
         owner |= {f"{name}_beta" if name in owner else name: joint.name for name in names}
+        if joint.type == "ball":
+            owner[names[2]] = _third(joint)
     return owner
 
 
@@ -102,17 +108,19 @@ def osim_joints(body: Body) -> list[OsimJoint]:
     """All joints of a body, parents before their children."""
     frames, theta = body_frames(body), rest_theta(body)
     seen: set[str] = set()
-    joints = []
+    joints: list[OsimJoint] = []
     for joint in body.anatomy.joints:
         follows = bool(seen & set(joint.coordinates))
-        joints.append(_osim_joint(body, joint, frames, theta, follows))
+        joints += _osim_joint(body, joint, frames, theta, follows)
         seen |= set(joint.coordinates)
     return joints
 
 
-def _osim_joint(body: Body, joint: Joint, frames: dict[str, Floats], theta: Floats, follows: bool) -> OsimJoint:
+def _osim_joint(
+    body: Body, joint: Joint, frames: dict[str, Floats], theta: Floats, follows: bool
+) -> tuple[OsimJoint, ...]:
     if joint.type == "free":
-        return _free(body.anatomy, joint, theta)
+        return (_free(body.anatomy, joint, theta),)
     to_parent, to_child = inverse(frames[joint.parent or ""]), inverse(frames[joint.child])
     coordinates = _coordinates(body.anatomy, joint, theta, suffix="_beta" if follows else "")
     axes: tuple[TransformAxis, ...] = ()
@@ -125,9 +133,37 @@ def _osim_joint(body: Body, joint: Joint, frames: dict[str, Floats], theta: Floa
             kind, (placed, turned, axes) = "CustomJoint", _spline(body, joint, theta, coordinates[0], follows)
         case _:
             assert_never(joint.type)
-    return OsimJoint(
+    whole = OsimJoint(
         kind, joint.name, joint.parent, joint.child, to_parent @ placed, to_child @ turned, coordinates, axes
     )
+    return _parted(whole, joint) if joint.type == "ball" else (whole,)
+
+
+def _third(joint: Joint) -> str:
+    """The name of the joint of a ball joint's third coordinate."""
+    return f"{joint.name}_third"
+
+
+def _parted(whole: OsimJoint, joint: Joint) -> tuple[OsimJoint, OsimJoint]:
+    """A joint of three turns as one of two, to a phantom, and one of the third; with Z the turn from z to its axis,
+
+    P R(a1, q1) R(a2, q2) R(a3, q3) C^-1 = (P R(a1, q1) R(a2, q2)) (Z R(z, q3) (C Z)^-1).
+    """
+    first, second, third, *shifts = whole.axes
+    still = TransformAxis(_unit(np.cross(first.axis, second.axis)))
+    to_axis = transform(Rotation.align_vectors([third.axis], [[0.0, 0.0, 1.0]])[0].as_matrix(), np.zeros(3))
+    phantom = f"{joint.name}_phantom"
+    two = replace(
+        whole,
+        child=phantom,
+        in_child=np.eye(4),
+        coordinates=whole.coordinates[:2],
+        axes=(first, second, still, *shifts),
+    )
+    last = OsimJoint(
+        "PinJoint", _third(joint), phantom, whole.child, to_axis, whole.in_child @ to_axis, whole.coordinates[2:]
+    )
+    return two, last
 
 
 def _coordinates(anatomy: Anatomy, joint: Joint, theta: Floats, *, suffix: str = "") -> tuple[OsimCoordinate, ...]:
@@ -139,14 +175,16 @@ def _coordinates(anatomy: Anatomy, joint: Joint, theta: Floats, *, suffix: str =
 
 
 def _free(anatomy: Anatomy, joint: Joint, theta: Floats) -> OsimJoint:
-    """Body-fixed X-Y-Z angles instead of the rotation vector."""
+    """Body-fixed X-Y-Z angles instead of the rotation vector; every coordinate is its own function."""
     coordinates = _coordinates(anatomy, joint, theta)
     angles = euler_angles(theta[None, [anatomy.coordinate_index(name) for name in joint.coordinates[:3]]])[0]
     turns = (
         OsimCoordinate(name, c.low, c.high, float(angle))
         for name, c, angle in zip(euler_names(joint), coordinates, angles, strict=False)
     )
-    return OsimJoint("FreeJoint", joint.name, None, joint.child, np.eye(4), np.eye(4), (*turns, *coordinates[3:]))
+    own = (*turns, *coordinates[3:])
+    axes = tuple(TransformAxis(axis, c.name) for axis, c in zip([*np.eye(3), *np.eye(3)], own, strict=True))
+    return OsimJoint("CustomJoint", joint.name, None, joint.child, np.eye(4), np.eye(4), own, axes)
 
 
 def _pin(body: Body, joint: Joint, rest: float) -> tuple[Floats, Floats]:

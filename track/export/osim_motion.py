@@ -21,6 +21,13 @@ def with_coupled(anatomy: Anatomy, columns: Mapping[str, Floats]) -> dict[str, F
     return {**columns, **{name: np.deg2rad(columns[of]) for name, of in coupled_coordinates(anatomy).items()}}
 
 
+def in_si_with_coupled(anatomy: Anatomy, columns: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Reported columns (T,) in radians and metres, with the model's coupled coordinates."""
+    lengths = {coordinate.name for coordinate in anatomy.coordinates if coordinate.unit == "m"}
+    in_si = {name: values if name in lengths else np.deg2rad(values) for name, values in columns.items()}
+    return in_si | {name: in_si[of] for name, of in coupled_coordinates(anatomy).items()}
+
+
 def write_states(path: Path, times: Floats, anatomy: Anatomy, columns: Mapping[str, Floats]) -> None:
     """Write reported columns (T,), of degrees and metres, as OpenSim's states table (``.sto``): radians and metres.
 
@@ -28,9 +35,7 @@ def write_states(path: Path, times: Floats, anatomy: Anatomy, columns: Mapping[s
     columns that are no coordinates of the model are passed over. OpenSim's reader takes the first ``nan`` for the end
     of a file, so coordinates that are never known are left out, and then frames in which one is not.
     """
-    lengths = {coordinate.name for coordinate in anatomy.coordinates if coordinate.unit == "m"}
-    in_si = {name: values if name in lengths else np.deg2rad(values) for name, values in columns.items()}
-    in_si |= {name: in_si[of] for name, of in coupled_coordinates(anatomy).items()}
+    in_si = in_si_with_coupled(anatomy, columns)
     joints = joints_of_coordinates(anatomy)
     known = [name for name in joints if np.isfinite(in_si[name]).any()]
     table = np.column_stack([times, *(in_si[name] for name in known)])

@@ -38,13 +38,17 @@ def view_command(
     region: tuple[float, ...] | None,
 ) -> None:
     """Look at SOURCE, a recording, a subject or a motion, in the browser: skin, bones, points, angles over time."""
+    from track.belonging import adapted_elsewhere
     from track.view.scene import open_scene
 
     chosen = as_region(region)
+    scene = open_scene(source, subject=subject, recording=recording)
+    person, seen = scene.subject, scene.recording
+    if person is not None and seen is not None and (elsewhere := adapted_elsewhere(person, seen)):
+        stdout.print(elsewhere, highlight=False)
     if html is not None:
         from track.view.embedded import write_embedded
 
-        scene = open_scene(source, subject=subject, recording=recording)
         with stdout.status("collecting frames"):
             frames = write_embedded(scene, html, region=chosen)
         size = html.stat().st_size / 1e6
@@ -52,7 +56,6 @@ def view_command(
         return
     from track.view.viewer import Viewer, start_server, stop_server
 
-    scene = open_scene(source, subject=subject, recording=recording)
     server = start_server(host=host, port=port)
     try:
         viewer = Viewer(server, scene, poses=poses, region=chosen)

@@ -15,6 +15,7 @@ from adapt.subject import Subject, doubts
 from capture.files import replaced_when_complete
 from capture.recording import FramesUsed, Recording, used_in_words
 from capture.settings import version_of, versions
+from track.belonging import tracked_elsewhere
 from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
 from track.poses_by_hand import UNITS, as_shown
@@ -71,7 +72,8 @@ def _doubts(scene: Scene, subject: Subject) -> str:
     """What could not be told, and which sensors' frames were used."""
     settings = _motion(scene).settings
     used = [] if settings is None else [FramesUsed(**one) for one in settings.options.get("frames_used", [])]
-    told = [*doubts(subject), *(used_in_words(used) if used else [])]
+    elsewhere = tracked_elsewhere(_motion(scene), subject)
+    told = [*doubts(subject), *([elsewhere] if elsewhere else []), *(used_in_words(used) if used else [])]
     return escape(" ".join(f"{line[:1].upper()}{line[1:]}." for line in told))
 
 

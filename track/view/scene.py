@@ -16,6 +16,7 @@ from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from capture.recording import Instant, Recording, instants, open_recording
 from capture.rigid import inverse
+from track.belonging import refuse_other_recording, refuse_other_subject
 from track.evaluation.errors import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
 from track.shown import known_thetas
@@ -104,12 +105,15 @@ def open_scene(source: Path, *, subject: Path | None = None, recording: Path | N
 
 
 def motion_scene(motion: Motion, subject: Subject, recording: Recording | None, *, title: str) -> Scene:
-    """A motion, with the clouds and the truth of its recording if that is given."""
-    if motion.anatomy != subject.anatomy.name:
-        problem = f"a motion of anatomy {motion.anatomy!r} does not go with a subject of {subject.anatomy.name!r}"
-        raise MotionError(problem, remedy="give the subject that was tracked")
+    """A motion, with the clouds and the truth of its recording if that is given.
+
+    Raises:
+        MotionError: it is one of another subject, or was tracked in another recording.
+    """
+    refuse_other_subject(motion, subject)
     moments, numbers = None, tuple(range(len(motion.times)))
     if recording is not None:
+        refuse_other_recording(motion, recording)
         moments, numbers = _at(recording, motion.times)
     truth = None if recording is None else known_truth(recording, motion.times, subject.anatomy)
     return Scene(title, motion.times, numbers, subject, motion.thetas, motion, recording, moments, truth)
@@ -119,6 +123,7 @@ def subject_scene(subject: Subject, recording: Recording | None, *, title: str) 
     """A subject: at rest, or in its example poses in the recording they were taken from."""
     if recording is None:
         return Scene(title, np.zeros(1), (0,), subject, rest_theta(subject.body)[None])
+    refuse_other_recording(subject, recording)
     moments, numbers = _at(recording, subject.times)
     truth = known_truth(recording, subject.times, subject.anatomy)
     return Scene(title, subject.times, numbers, subject, subject.thetas, None, recording, moments, truth)

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from adapt.subject import Subject, load_subject, save_subject
-from capture.files import read_arrays
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
 from track.evaluation.known import record_known
@@ -82,11 +81,15 @@ def osim_in_nimble(seed: int, folder: Path) -> Outcome:
     told = bonetrack("export", _known_subject(seed, folder), "--out", folder / "export")
     if told.code != 0:
         return refused(told, {})
-    if find_spec("nimblephysics") is None:
-        return Outcome("not tried", "nimblephysics is not installed")
-    program = "import nimblephysics.biomechanics as b, sys; print(b.OpenSimParser.parseOsim(sys.argv[1]).skeleton)"
+    python = os.environ.get("BONETRACK_NIMBLE_PYTHON")  # it wants numpy before 2, so a Python of its own
+    if python is None:
+        return Outcome("not tried", "BONETRACK_NIMBLE_PYTHON names no Python with nimblephysics")
+    program = (
+        "import sys; from nimblephysics_libs._nimblephysics.biomechanics import OpenSimParser; "
+        "print(OpenSimParser.parseOsim(sys.argv[1]).skeleton.getNumDofs())"
+    )
     osim = next((folder / "export").glob("*.osim"))
-    done = subprocess.run([sys.executable, "-c", program, osim], capture_output=True, text=True, check=False)
+    done = subprocess.run([python, "-c", program, osim], capture_output=True, text=True, check=False)
     if done.returncode != 0 or not done.stdout.strip():
         return Outcome("WRONG WITHOUT A WORD", f"does not open: {' '.join(done.stderr.split())[-200:]}")
     return Outcome("right", "opens")
@@ -121,7 +124,8 @@ def other_subject(seed: int, folder: Path) -> Outcome:
 def greedy_file(seed: int, folder: Path) -> Outcome:
     """A subject file with an array that nobody asked for, small on disk and 1 GB in memory."""
     subject = _known_subject(seed, folder)
-    arrays: dict[str, Any] = read_arrays(subject)
+    with np.load(subject, allow_pickle=False) as kept:
+        arrays: dict[str, Any] = {name: kept[name] for name in kept.files}
     np.savez_compressed(subject, **arrays, unasked=np.zeros(_HUGE, np.uint8))
     told = bonetrack("export", subject, "--out", folder / "export")
     line = f"{subject.stat().st_size / 1e6:.1f} MB on disk, {told.peak_mb:.0f} MB of memory taken"
