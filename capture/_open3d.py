@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 from functools import cache
 from types import ModuleType
+
+from capture.libusb import load_libusb
 
 
 @cache
 def open3d() -> ModuleType:
     """The ``open3d`` module, with libusb loaded first: its import fails where the system has none."""
-    import libusb_package
-
-    ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
+    load_libusb()
     import open3d as module
 
     return module

@@ -19,6 +19,7 @@ from capture.errors import RecordingError
 from capture.importers.parts import Parts, ShownBox
 from capture.importers.realsense import Lens, camera_of
 from capture.importers.source import DEPTH_RANGE_M, optional_module
+from capture.libusb import load_libusb
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 
 WAITING_FRAMES = 60
@@ -50,6 +51,7 @@ def connected(where: Path) -> list[Any]:
     Raises:
         RecordingError: there is none, or ``pyrealsense2`` is not installed.
     """
+    load_libusb()
     rs = optional_module("pyrealsense2", extra="realsense-live", where=where)
     devices = [device for device in rs.context().query_devices() if any(s.is_depth_sensor() for s in device.sensors)]
     if not devices:
@@ -77,6 +79,7 @@ def record(
         RecordingError: a device without usable depth, cameras without a common clock, no frames for five seconds, or
             ``out`` is in use.
     """
+    load_libusb()
     rs = optional_module("pyrealsense2", extra="realsense-live", where=out)
     names = list(sensor_names) or (
         ["sensor"] if len(devices) == 1 else [f"sensor-{i + 1}" for i in range(len(devices))]

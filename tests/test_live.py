@@ -12,10 +12,12 @@ from click.testing import CliRunner
 from capture.commands import record_command
 from capture.errors import RecordingError
 from capture.importers import ShownBox
+from capture.libusb import load_libusb
 from capture.live import connected, record
 from tests.sensor_files import scene
 from tests.test_import_files import images
 
+load_libusb()
 rs = pytest.importorskip("pyrealsense2")
 
 
