@@ -13,8 +13,8 @@ from adapt.fit.never_seen import guessed_lengths
 from adapt.model.body import rest_theta
 from adapt.subject import Subject, doubts
 from capture.files import replaced_when_complete
-from capture.recording import FramesUsed, Recording, used_in_words
-from capture.settings import version_of, versions
+from capture.recording import Recording
+from capture.settings import sensors_in_words, version_of, versions
 from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
 from track.poses_by_hand import UNITS, as_shown
@@ -70,8 +70,7 @@ def _lead(scene: Scene) -> str:
 def _doubts(scene: Scene, subject: Subject) -> str:
     """What could not be told, and which sensors' frames were used."""
     settings = _motion(scene).settings
-    used = [] if settings is None else [FramesUsed(**one) for one in settings.options.get("frames_used", [])]
-    told = [*doubts(subject), *(used_in_words(used) if used else [])]
+    told = [*doubts(subject), *([] if settings is None else sensors_in_words(settings.options))]
     return escape(" ".join(f"{line[:1].upper()}{line[1:]}." for line in told))
 
 
