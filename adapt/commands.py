@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     "--first-poses",
     default=None,
     type=click.Path(path_type=Path),
-    help="CSV with a column `frame` and coordinates (rad, m): first poses instead of the automatic search.",
+    help="CSV with a column `frame` and coordinates (rad, m; NAME_deg: degrees): first poses, instead of a search.",
 )
 @region_option
 @near_option

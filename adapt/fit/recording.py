@@ -34,7 +34,7 @@ from adapt.subject import Subject
 from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.journal import Journal
-from capture.recording import Instant, Recording, instants
+from capture.recording import Instant, Recording, instants, refuse_useless_depth
 from capture.settings import region_used, sensors_used, versions
 
 FEWEST_POSES = 4
@@ -80,6 +80,7 @@ def adapt_recording(
         FitError: fewer usable poses than asked for, or there is no such frame.
         CloudError, RecordingError, CalibrationError: see ``fuse``.
     """
+    refuse_useless_depth(recording)
     moments = instants(recording)
     known = dict(first_poses or {})
     wanted = _wanted(recording, moments, poses, frames, known)
