@@ -14,7 +14,7 @@ from capture.importers.formats import open_source
 from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.parts import Parts, ShownBox, Span
 from capture.importers.readings import Tally
-from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
+from capture.importers.source import NO_CLOCK, ColourFrame, DepthFrame, Source, Stated
 from capture.importers.times import Timed
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 from capture.recording.clocks import refuse_clocks_apart, refuse_impossible_rate
@@ -93,6 +93,8 @@ def import_recording(
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
+    if offset == "clock" and len(listed) > 1:
+        told = [_one_clock(sources, listed)]
     what = " and ".join(_in_words(path, source) for path, source in zip(listed, sources, strict=True))
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
@@ -121,6 +123,24 @@ def _in_words(path: Path, source: Source) -> str:
     return f"{path.name}{turned}, times by {source.times}"
 
 
+def _one_clock(sources: Sequence[Source], paths: Sequence[Path]) -> str:
+    """What one clock of all sources means, in words.
+
+    Raises:
+        RecordingError: a source's clock is its own, or only some sources have one.
+    """
+    if all(source.alone == NO_CLOCK for source in sources):
+        return "none has a clock, so all are taken to begin at once"
+    for source, path in zip(sources, paths, strict=True):
+        if source.alone:
+            raise RecordingError(
+                f"{source.alone}, so it shares no clock with the others",
+                where=path,
+                remedy="give --offset motion, or the time between the sensors' first frames (0 if they began at once)",
+            )
+    return "all by one clock"
+
+
 def _first_time(source: Source, path: Path) -> float:
     """The time (s) of a source's first depth frame."""
     for frame in source.frames:
@@ -142,7 +162,7 @@ def _shifts(
     if len(paths) == 1:
         return shifts, told
     if offset == "clock":
-        return [-starts[0]] * len(paths), ["all by one clock"]
+        return [-starts[0]] * len(paths), told
     before = motion_of(opened(paths[0])) if offset == "motion" else None
     total = 0.0
     for i in range(1, len(paths)):

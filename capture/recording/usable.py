@@ -7,6 +7,7 @@ import numpy as np
 from capture.errors import RecordingError
 from capture.recording import depth_png
 from capture.recording.types import Recording, Sensor
+from capture.rigid import Floats
 
 LEAST_USABLE = 0.05
 """Of the readings; with fewer in a sensor's range, its unit or its range is wrong."""
@@ -42,16 +43,18 @@ def refuse_useless_depth(recording: Recording) -> None:
         )
 
 
-def _depth(sensor: Sensor) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _depth(sensor: Sensor) -> Floats:
     """All readings (N,) of a few of a sensor's images, as metres."""
-    picks = np.unique(np.linspace(0, len(sensor.frames) - 1, _LOOKED_AT).round().astype(int)) if sensor.frames else []
+    if not sensor.frames:
+        return np.zeros(0)
+    picks = np.unique(np.linspace(0, len(sensor.frames) - 1, _LOOKED_AT).round().astype(int))
     size = {"width": sensor.camera.width, "height": sensor.camera.height}
     images = [depth_png.read_readings(sensor.frames[k].path, **size) for k in picks]
-    readings = np.concatenate([image[(image > 0) & (image < _SATURATED)] for image in images] or [np.zeros(0)])
-    return np.asarray(readings, dtype=np.float64) * sensor.depth_unit_m
+    readings = np.concatenate([image[(image > 0) & (image < _SATURATED)] for image in images])
+    return readings.astype(np.float64) * sensor.depth_unit_m
 
 
-def _inside(depth: np.ndarray[tuple[int], np.dtype[np.float64]], sensor: Sensor) -> float:
+def _inside(depth: Floats, sensor: Sensor) -> float:
     """The share of depth (N,) (m) in the sensor's range."""
     near, far = sensor.depth_range_m
     return float(((depth >= near) & (depth <= far)).mean()) if len(depth) else 0.0
