@@ -59,6 +59,10 @@ class TestRealSense:
         times = [frame.time_s for frame in sensor.frames]
         np.testing.assert_allclose(times, [scene.time_s(frame) for frame in range(scene.FRAMES)], atol=1e-6)
 
+    def test_whose_clock_the_times_are_by_is_told(self, name, tmp_path):
+        recording = import_recording(FILES / name, tmp_path / "rec")
+        assert "times by the file (the camera's own clock, which no other camera shares)" in recording.created_by
+
     def test_the_camera_and_where_the_colour_camera_stands_are_the_sdks(self, name, tmp_path):
         sensor = import_recording(FILES / name, tmp_path / "rec").sensors[0]
         camera = sensor.camera
