@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     "--first-poses",
     default=None,
     type=click.Path(path_type=Path),
-    help="CSV with a column `frame` and coordinates (rad, m): first poses instead of the automatic search.",
+    help="CSV with a column `frame` and coordinates (rad, m; NAME_deg: degrees): first poses, instead of a search.",
 )
 @region_option
 @near_option
@@ -84,7 +85,7 @@ def print_subject(subject: Subject, out: Path) -> None:
             f"{pose['median_distance_mm']:.2f}",
         )
     stdout.print(table)
-    print_frames_used(report["settings"]["frames_used"])
+    print_sensors(report["settings"])
     for frame in report["left_out"]:
         stdout.print(f"not adapted to, at {frame['time_s']:.2f} s: {frame['reason']}", highlight=False)
     for doubt in doubts(subject):
@@ -100,11 +101,11 @@ def print_subject(subject: Subject, out: Path) -> None:
     stdout.print(f"subject written to {out}")
 
 
-def print_frames_used(used: list[dict]) -> None:  # type: ignore[type-arg]
-    """How many frames of each sensor were used, with a warning where few were; nothing of older results."""
-    from capture.recording import FramesUsed, used_in_words
+def print_sensors(settings: Mapping[str, Any]) -> None:
+    """What was mended, and how many frames of each sensor were used, with a warning where few were."""
+    from capture.settings import sensors_in_words
 
-    for line in used_in_words([FramesUsed(**one) for one in used]) if used else ():
+    for line in sensors_in_words(settings):
         stdout.print(line, highlight=False)
 
 

@@ -185,7 +185,7 @@ _FORMAT_NAMES = (
     "--fps",
     type=click.FloatRange(0, min_open=True),
     default=None,
-    help="Nominal frame rate (Hz) of files that do not tell when [default: 30].",
+    help="Frame rate (Hz) of images, in place of what their names tell [default: the names' clock, or 30].",
 )
 @click.option(
     "--depth-range",

@@ -6,11 +6,13 @@ Results keep this as plain JSON, so that whoever finds one years later can tell,
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
+from dataclasses import asdict
 from importlib import metadata
 from typing import Any
 
 from capture.cloud.fuse import region_of_interest
-from capture.recording import Recording, Region
+from capture.recording import FramesUsed, Recording, Region, frames_used, used_in_words
 from capture.recording.fingerprint import fingerprint
 
 _DECIDING = ("bonetrack", "numpy", "scipy", "numba", "open3d", "opencv-contrib-python-headless", "libigl")
@@ -44,3 +46,18 @@ def region_used(recording: Recording, given: Region | None) -> dict[str, Any]:
     region = given or region_of_interest(recording)
     source = "given" if given is not None else "automatic" if recording.region is None else "of the recording"
     return {"region": source, "region_minimum_m": region.minimum.tolist(), "region_maximum_m": region.maximum.tolist()}
+
+
+def sensors_used(recording: Recording) -> dict[str, Any]:
+    """How many frames of each sensor its instants use, and what was mended of the recording as it was opened."""
+    return {"frames_used": [asdict(used) for used in frames_used(recording)], "mended": list(recording.mended)}
+
+
+def sensors_in_words(settings: Mapping[str, Any]) -> list[str]:
+    """What people are told of ``sensors_used``, which stands in settings; nothing of settings without it.
+
+    >>> sensors_in_words({"frames_used": [{"sensor": "a", "total": 9, "used": 9, "stale": 0}], "mended": []})
+    ['frames used: a 9 of 9']
+    """
+    used = [FramesUsed(**one) for one in settings.get("frames_used", [])]
+    return [*(f"mended: {line}" for line in settings.get("mended", [])), *(used_in_words(used) if used else [])]

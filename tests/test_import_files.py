@@ -59,6 +59,10 @@ class TestRealSense:
         times = [frame.time_s for frame in sensor.frames]
         np.testing.assert_allclose(times, [scene.time_s(frame) for frame in range(scene.FRAMES)], atol=1e-6)
 
+    def test_whose_clock_the_times_are_by_is_told(self, name, tmp_path):
+        recording = import_recording(FILES / name, tmp_path / "rec")
+        assert "times by the file (the camera's own clock, which no other camera shares)" in recording.created_by
+
     def test_the_camera_and_where_the_colour_camera_stands_are_the_sdks(self, name, tmp_path):
         sensor = import_recording(FILES / name, tmp_path / "rec").sensors[0]
         camera = sensor.camera
@@ -166,6 +170,29 @@ class TestAzureKinect:
         assert [frame.time_s for frame in sensor.colour.frames] == [frame.time_s for frame in sensor.frames]
         assert cv2.imread(str(sensor.colour.frames[0].path)).shape == (36, 64, 3)
         np.testing.assert_allclose(sensor.colour.colour_from_depth[:3, 3], [-0.032, -0.002, 0.004])
+
+    def test_files_of_devices_joined_by_a_sync_cable_are_on_one_clock(self, tmp_path):
+        from tests.sensor_files import azure_kinect
+
+        def tags(sync, start_s):
+            return {"K4A_WIRED_SYNC_MODE": sync, "K4A_START_OFFSET_NS": str(round(start_s * 1e9))}
+
+        paths = [tmp_path / "master.mkv", tmp_path / "subordinate.mkv"]
+        azure_kinect.write(paths[0], tags=tags("MASTER", 0.336277))
+        azure_kinect.write(paths[1], tags=tags("SUBORDINATE", 0.380277))
+        recording = import_recording(paths, tmp_path / "rec", offset="clock")
+        first, second = (sensor.frames[0].time_s for sensor in recording.sensors)
+        assert second - first == pytest.approx(0.044, abs=1e-6)
+        assert "from 0.336277 s on, wired sync MASTER" in recording.created_by
+        colour = recording.sensors[1].colour.frames[0].time_s
+        assert colour == pytest.approx(second, abs=1e-6)
+
+    def test_a_device_without_a_sync_cable_shares_no_clock(self, tmp_path):
+        from tests.sensor_files import azure_kinect
+
+        path = azure_kinect.write(tmp_path / "alone.mkv", tags={"K4A_WIRED_SYNC_MODE": "STANDALONE"})
+        with pytest.raises(RecordingError, match=r"STANDALONE, .* shares no clock .*--offset motion"):
+            import_recording([path, path], tmp_path / "rec", offset="clock")
 
     def test_the_lens_is_that_of_the_mode(self, tmp_path):
         camera = import_recording(self.write(tmp_path), tmp_path / "rec").sensors[0].camera

@@ -93,6 +93,17 @@ def test_times_in_the_names_of_a_redwood_scan_count(tmp_path):
     assert "times by the file names" in recording.created_by
 
 
+def test_the_rate_and_length_that_open3ds_reader_notes_are_held_against_the_images(tmp_path):
+    folder = write_images(tmp_path / "redwood")
+    write_camera(folder, fps=15.0, stream_length_usec=133_000)
+    words = import_recording(folder, tmp_path / "rec").created_by
+    assert "a nominal rate of 15 Hz (as intrinsic.json tells: the names tell no time but count, 000 to 002" in words
+    assert "and its length of 0.13 s agrees" in words
+    write_camera(folder, fps=15.0, stream_length_usec=2_000_000)
+    words = import_recording(folder, tmp_path / "rec", overwrite=True).created_by
+    assert "warning: the recording was 2.00 s long and these images make 0.13 s" in words
+
+
 def test_faults_of_a_redwood_scan_are_one_clear_line(tmp_path):
     folder = write_images(tmp_path / "redwood")
     refused(folder, tmp_path, r"focal length.*--fx")

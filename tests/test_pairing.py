@@ -16,6 +16,7 @@ from capture.recording import (
     refuse_impossible_rates,
     used_in_words,
 )
+from capture.settings import sensors_in_words, sensors_used
 
 CAMERA = Camera(40, 30, 40.0, 40.0, 19.5, 14.5)
 
@@ -52,6 +53,11 @@ def test_at_20_hz_no_phase_falls_between_paired_and_alone(tmp_path, phase_ms):
 def test_a_slower_sensor_is_used_whole_at_its_own_rate(tmp_path):
     recording = written(tmp_path / "rec", {"a": np.arange(90) / 30.0, "b": np.arange(15) / 5.0 + 0.013})
     assert [used.used for used in frames_used(recording)] == [90, 15]
+
+
+def test_a_faster_sensor_is_used_whole_though_a_slower_one_has_more_frames(tmp_path):
+    times = {"long": np.arange(150) / 30.0, "short": 1.0 + np.arange(120) / 60.0 + 0.003}
+    assert [used.used for used in frames_used(written(tmp_path / "rec", times))] == [150, 120]
 
 
 def test_few_used_frames_are_said_by_name(tmp_path):
@@ -100,3 +106,42 @@ def test_times_in_another_unit_are_refused_with_the_likely_one(tmp_path, step, u
 @pytest.mark.parametrize("rate", [1.5, 5.0, 30.0, 90.0, 300.0])
 def test_rates_of_real_sensors_pass(tmp_path, rate):
     refuse_impossible_rates(written(tmp_path / "rec", {"a": np.arange(5) / rate}))
+
+
+SPAN_S = 2.0**32 / 1e6
+
+
+def wrapped(times):
+    """What a 32-bit clock of microseconds says that begins anew in the middle."""
+    return [(SPAN_S - times[len(times) // 2] + time) % SPAN_S for time in times]
+
+
+def changed_times(recording, sensor, change):
+    path = recording.path / sensor / "frames.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
+    times = change([float(time) for _, time in rows])
+    lines = [f"{name},{time!r}" for (name, _), time in zip(rows, times, strict=True)]
+    path.write_text("\n".join(["file,time_s", *lines]) + "\n")
+    return open_recording(recording.path)
+
+
+def test_a_32_bit_clock_that_begins_anew_is_gone_on_with_and_told(tmp_path):
+    ticks = np.arange(20) / 30.0
+    recording = written(tmp_path / "rec", {"a": ticks, "b": ticks})
+    for name in ("a", "b"):
+        recording = changed_times(recording, name, wrapped)
+    np.testing.assert_allclose(np.diff([moment.time_s for moment in instants(recording)]), 1 / 30, atol=1e-6)
+    assert all(len(moment.frames) == 2 for moment in instants(recording))
+    assert "sensor 'b': the 32-bit clock of microseconds began anew after 4294.9" in recording.mended[1]
+    assert "mended: sensor 'a': the 32-bit clock" in sensors_in_words(sensors_used(recording))[0]
+
+
+def test_times_that_lie_back_for_another_reason_are_refused(tmp_path):
+    recording = written(tmp_path / "rec", {"a": np.arange(20) / 30.0})
+    with pytest.raises(RecordingError, match=r"line 12: time 0 s does not come after 0\.3"):
+        changed_times(recording, "a", lambda times: times[:10] + [time - times[10] for time in times[10:]])
+
+
+def test_impossible_times_reach_no_step_of_the_program(tmp_path):
+    with pytest.raises(RecordingError, match="which no sensor has"):
+        instants(written(tmp_path / "rec", {"a": np.arange(5) * 33.3}))

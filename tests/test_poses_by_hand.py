@@ -70,6 +70,7 @@ _ELBOW = ("poses", 0, "coordinates", "elbow_flexion")
         (_ELBOW, 0.5, "must be an object"),
         ((*_ELBOW, "unit"), "rad", "unit must be 'deg'"),
         ((*_ELBOW, "value"), 131.0, "its range is 0 to 130 deg"),
+        ((*_ELBOW, "value"), 4011.0, "): elbow_flexion is 4011 deg"),
         ((*_ELBOW, "value"), "41", "finite number"),
         ((*_ELBOW, "value"), float("nan"), "finite number"),
         (("poses", 0, "coordinates", "knee"), {"value": 1.0, "unit": "deg"}, "unknown key 'knee'"),

@@ -31,7 +31,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     camera = Camera(640, 480, 585.0, 585.0, 319.5, 239.5)
     files = natural_order(source_files(KINECT, "depth-data-*"))
     return import_images(
-        files, tmp_path_factory.mktemp("real") / "rec", kind="raw", camera=camera, depth_unit_m=0.001, fps=0.1
+        files, tmp_path_factory.mktemp("real") / "rec", kind="raw", camera=camera, depth_unit_m=0.001, fps=1.0
     )
 
 

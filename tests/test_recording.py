@@ -148,7 +148,8 @@ def test_a_wrong_header_is_named(written, edit, message):
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        ("file,time_s\n000000.png,0\n000001.png,0\n", "does not come after"),
+        ("file,time_s\n000000.png,1\n000001.png,0\n", "does not come after"),
+        ("file,time_s\n000000.png,2\n000001.png,2\n", "line 3: the time 2 s stands twice, for 000000.png and 000001"),
         ("file,time_s\n000000.png,nan\n", "not a finite"),
         ("file,time_s\n000000.png,soon\n", "not a finite"),
         ("file,time_s\nlost.png,0\n", "missing"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from adapt.commands import print_frames_used
+from adapt.commands import print_sensors
 from capture.commands import near_option, region_near, region_option
 from capture.console import stdout
 
@@ -75,7 +75,7 @@ def print_motion(motion, subject) -> None:  # type: ignore[no-untyped-def]
 
     tracked = motion.tracked
     if motion.settings is not None:
-        print_frames_used(motion.settings.options.get("frames_used", []))
+        print_sensors(motion.settings.options)
     stdout.print(f"{int(tracked.sum())} of {len(tracked)} frames tracked", highlight=False)
     if tracked.any():
         residual = 1e3 * float(np.median(motion.residuals[tracked]))

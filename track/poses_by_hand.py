@@ -132,12 +132,13 @@ def _pose(value: Any, number: int, path: Path, anatomy: Anatomy, frames: int | N
         raise PosesError(problem, where=path, remedy=f"frames run from 0 to {frames - 1}")
     names = tuple(coordinate.name for coordinate in anatomy.coordinates)
     given = _keys(entry["coordinates"], names, path, f"{where}.coordinates")
-    theta = [_value(given[coordinate.name], coordinate, path, where) for coordinate in anatomy.coordinates]
+    of_frame = f"{where} (frame {frame})"
+    theta = [_value(given[coordinate.name], coordinate, path, of_frame) for coordinate in anatomy.coordinates]
     return HandPose(name, frame, np.array(theta))
 
 
 def _value(value: Any, coordinate: Coordinate, path: Path, where: str) -> float:
-    keys = f"{where}.coordinates.{coordinate.name}"
+    keys = f"{where}: {coordinate.name}"
     entry = _keys(value, ("value", "unit"), path, keys)
     number, unit = entry["value"], UNITS[coordinate.unit]
     if entry["unit"] != unit:

@@ -23,7 +23,7 @@ from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.errors import CloudError
 from capture.files import remove_left_over
 from capture.journal import Journal, journal_key, resume_journal
-from capture.recording import Instant, Recording, instants, refuse_impossible_rates
+from capture.recording import Instant, Recording, instants, refuse_useless_depth
 from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.backward import anchors, go_back
@@ -71,7 +71,7 @@ def track_recording(
     """
     if world_from_thorax is not None:
         refuse_without_humerus(subject.anatomy)  # told before the work, not after it
-    refuse_impossible_rates(recording)
+    refuse_useless_depth(recording)
     moments = instants(recording)
     by_hand = _by_frame(poses, len(moments))
     _make_folder(out)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from adapt.anatomy import Floats
-from capture.recording import Recording, Region, frames_used
-from capture.settings import recording_used, region_used, versions
+from capture.recording import Recording, Region
+from capture.settings import recording_used, region_used, sensors_used, versions
 from track.poses_by_hand import HandPose
 
 
@@ -42,7 +42,7 @@ def settings_of(
         **recording_used(recording),
         "subject_fingerprint": subject,
         **region_used(recording, region),
-        "frames_used": [asdict(used) for used in frames_used(recording)],
+        **sensors_used(recording),
         "poses_by_hand": [{"name": pose.name, "frame": pose.frame} for pose in poses],
         "world_from_thorax": None if world_from_thorax is None else world_from_thorax.tolist(),
     }

@@ -34,8 +34,8 @@ from adapt.subject import Subject
 from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.journal import Journal
-from capture.recording import Instant, Recording, frames_used, instants, refuse_impossible_rates
-from capture.settings import recording_used, region_used, versions
+from capture.recording import Instant, Recording, instants, refuse_useless_depth
+from capture.settings import recording_used, region_used, sensors_used, versions
 
 FEWEST_POSES = 4
 MOST_POSES = 8
@@ -80,7 +80,7 @@ def adapt_recording(
         FitError: fewer usable poses than asked for, or there is no such frame.
         CloudError, RecordingError, CalibrationError: see ``fuse``.
     """
-    refuse_impossible_rates(recording)
+    refuse_useless_depth(recording)
     moments = instants(recording)
     known = dict(first_poses or {})
     wanted = _wanted(recording, moments, poses, frames, known)
@@ -111,7 +111,7 @@ def adapt_recording(
         **recording_used(recording),
         **region_used(recording, region),
         "example_poses": poses if frames is None else len(usable),
-        "frames_used": [asdict(used) for used in frames_used(recording)],
+        **sensors_used(recording),
         "frames_given": None if frames is None else sorted(set(frames)),
         "first_poses_given": sorted(known),
     }

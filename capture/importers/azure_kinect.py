@@ -1,5 +1,7 @@
 """Azure Kinect's ``.mkv`` recordings: a DEPTH track of big-endian 16-bit millimetres, the factory's calibration inside.
 
+Times of images are those of the device's clock less what it said at the start, which a tag tells: with it, files of
+devices that a sync cable joined are on one clock.
 Sources: the recording file format and ``k4a_calibration`` of the Azure Kinect Sensor SDK's documentation; which part
 of the sensor an image mode shows is in its ``mode_specific_calibration.c``. The lens model is OpenCV's rational one
 (k1 to k6, p1, p2), which ``Camera`` knows: depth keeps its pixels, and rays are undistorted where points are made.
@@ -9,8 +11,10 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +53,8 @@ _HEADER, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 _LARGEST_CALIBRATION = 2**20
 
+_START = re.compile(r"[0-9]{1,18}")
+
 
 def open_mkv(path: Path, stated: Stated) -> Source:
     """A recording made by ``k4arecorder`` or another program on the Sensor SDK.
@@ -73,11 +79,40 @@ def open_mkv(path: Path, stated: Stated) -> Source:
         camera = stated.camera(width, height, own=own, where=path)
         radius = math.inf if own is None or camera is not own or calibration is None else _radius(calibration)
         colour = _colour(_track(container, "COLOR"), calibration)
+        clock = _clock(container)
     sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m, colour=colour)
-    return Source(sensor, _frames(path, camera, radius, with_colour=colour is not None), times="the file")
+    frames = _frames(path, camera, radius, start_s=clock.start_s, with_colour=colour is not None)
+    return Source(sensor, frames, times=clock.words, alone=clock.alone)
 
 
-def _frames(path: Path, camera: Camera, radius: float, *, with_colour: bool) -> Frames:
+@dataclass(frozen=True)
+class _Clock:
+    """The device's clock: what it said (s) when the file's times were 0, and what its wired synchronisation was."""
+
+    start_s: float
+    sync: str
+
+    @property
+    def words(self) -> str:
+        sync = f", wired sync {self.sync}" if self.sync else ""
+        return f"the file (the device's clock from {self.start_s:.6f} s on{sync})"
+
+    @property
+    def alone(self) -> str:
+        """Why no other file shares the clock; a file that does not say may have been synchronised."""
+        return "was recorded STANDALONE, by a clock of its own" if self.sync == "STANDALONE" else ""
+
+
+def _clock(container: Any) -> _Clock:
+    """What the tags say; times of images hold the delays between cameras already, so that their tags add nothing."""
+    tags = container.metadata
+    start = tags.get("K4A_START_OFFSET_NS", "")
+    sync = tags.get("K4A_WIRED_SYNC_MODE", "")
+    known = sync in {"STANDALONE", "MASTER", "SUBORDINATE"}
+    return _Clock(int(start) * 1e-9 if _START.fullmatch(start) else 0.0, sync if known else "")
+
+
+def _frames(path: Path, camera: Camera, radius: float, *, start_s: float, with_colour: bool) -> Frames:
     width, height = camera.width, camera.height
     blind = ~has_rays(camera, radius)
     with _container(path) as container:
@@ -86,7 +121,7 @@ def _frames(path: Path, camera: Camera, radius: float, *, with_colour: bool) -> 
         for packet in container.demux([stream for stream in (depth, colour) if stream is not None]):
             if packet.pts is None or not packet.size:
                 continue
-            time_s = float(packet.pts * packet.time_base)
+            time_s = start_s + float(packet.pts * packet.time_base)
             data = bytes(packet)
             if packet.stream.index != depth.index:
                 yield ColourFrame(time_s, data)

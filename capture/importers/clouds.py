@@ -17,10 +17,10 @@ from capture.camera import Camera, project
 from capture.errors import RecordingError
 from capture.importers.axes import sensor_from_axes
 from capture.importers.cloud_files import Points, read_points
-from capture.importers.images import RAW_SIZE, natural_order, source_files
+from capture.importers.images import RAW_SIZE, source_files, source_of
+from capture.importers.names import NamedTimes, named_times
 from capture.importers.source import (
     LARGEST_READING,
-    NOMINAL_FPS,
     DepthFrame,
     Frames,
     Source,
@@ -41,14 +41,15 @@ def is_clouds(folder: Path) -> bool:
 
 
 def open_clouds(source: Path, stated: Stated) -> Source:
-    """A cloud, or a folder of them in the order of the numbers in their names.
+    """A cloud, or a folder of them; order and times are what their names tell.
 
     Raises:
         RecordingError: there is none; the first is damaged, or not in front of the sensor; no camera can be told from
             it and none is stated.
     """
     pattern = stated.pattern or ("*.pcd" if source.is_dir() and any(source.glob("*.pcd")) else "*.ply")
-    files = natural_order(source_files(source, pattern))
+    named = named_times(source_files(source, pattern), stated.fps)
+    files = named.files
     metre = 1.0 if stated.depth_unit_m is None else stated.depth_unit_m
     first = _turned(read_points(files[0]), stated.axes)
     _refuse_behind(first, files[0])
@@ -56,11 +57,9 @@ def open_clouds(source: Path, stated: Stated) -> Source:
     check_size(width, height, where=files[0])
     own = None if first.size is None or stated.fx is not None else _fitted(first.xyz * metre, first.size, files[0])
     camera = stated.camera(width, height, own=own, where=source)
-    fps = stated.fps or NOMINAL_FPS
     reading_m = fine_unit(stated.depth_range_m[1])
     sensor = Sensor("sensor", camera, reading_m, stated.depth_range_m)
-    frames = _frames(files, first, camera, metre / reading_m, fps, stated.axes)
-    return Source(sensor, frames, times=f"a nominal rate of {fps:g} Hz", count=len(files))
+    return source_of(named, sensor, _frames(named, first, camera, metre / reading_m, stated.axes))
 
 
 def _turned(points: Points, axes: str | None) -> Points:
@@ -80,8 +79,8 @@ def _refuse_behind(points: Points, file: Path) -> None:
         )
 
 
-def _frames(files: list[Path], first: Points, camera: Camera, scale: float, fps: float, axes: str | None) -> Frames:
-    for index, file in enumerate(files):
+def _frames(named: NamedTimes, first: Points, camera: Camera, scale: float, axes: str | None) -> Frames:
+    for file, time_s in zip(named.files, named.times_s, strict=True):
         points = _turned(read_points(file), axes or first.axes)
         if points.size != first.size:
             raise RecordingError(
@@ -96,7 +95,7 @@ def _frames(files: list[Path], first: Points, camera: Camera, scale: float, fps:
                 where=file,
                 remedy="points must be in metres (or state --unit-mm), x right, y down, z forward (or state --axes)",
             )
-        yield DepthFrame(index / fps, depth)
+        yield DepthFrame(time_s, depth)
 
 
 def _depth(points: Points, camera: Camera, scale: float) -> NDArray[np.uint16]:

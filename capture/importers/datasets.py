@@ -3,8 +3,8 @@
 TUM: ``depth.txt`` and ``rgb.txt`` list images with their times; a reading is 1/5000 m; depth lies over colour; the
 camera stands on the data set's page, not in the folder, so it is asked for.
 Redwood: folders ``depth`` and ``color`` (or ``image``, ``rgb``) of images in the same order; Open3D's JSON of a pinhole
-camera beside them, with ``depth_scale`` readings a metre (1000 if it does not say) and ``fps``; the names may carry
-microseconds (``000012-000000400407.png``).
+camera beside them, with ``depth_scale`` readings a metre (1000 if it does not say), ``fps`` and ``stream_length_usec``;
+the names may carry microseconds (``000012-000000400407.png``).
 Sources: the benchmark's page on file formats; Open3D's ``PinholeCameraIntrinsic`` and ``RGBDVideoMetadata``.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
@@ -20,15 +19,16 @@ import numpy as np
 
 from capture.camera import Camera
 from capture.errors import RecordingError
-from capture.importers.images import natural_order, source_files
-from capture.importers.source import NOMINAL_FPS, ColourFrame, DepthFrame, Frames, Source, Stated
+from capture.importers.images import source_files
+from capture.importers.names import NamedTimes, named_times
+from capture.importers.source import NO_CLOCK, ColourFrame, DepthFrame, Frames, Source, Stated
 from capture.recording import Colour, Sensor, depth_png
 from capture.recording.checked_json import Checked
 
 _TUM_UNIT_M = 1.0 / 5000.0
 _CAMERA_FILES = ("intrinsic.json", "camera_intrinsic.json", "intrinsics.json", "camera_primesense.json", "camera.json")
 _COLOUR_FOLDERS = ("color", "image", "rgb", "colour")
-_NAME_WITH_TIME = re.compile(r"\d+-(\d{9,})")
+_LENGTH_AGREES = 0.1
 _LARGEST_TEXT = 2**24
 _LARGEST_COLOUR = 2**26
 
@@ -63,25 +63,56 @@ def open_redwood(folder: Path, stated: Stated) -> Source:
     Raises:
         RecordingError: images are missing or wrong, or there is neither a camera in the folder nor a stated one.
     """
-    files = natural_order(source_files(folder / "depth", stated.pattern or "*.png"))
+    files = source_files(folder / "depth", stated.pattern or "*.png")
     camera_file = next((folder / name for name in _CAMERA_FILES if (folder / name).is_file()), None)
     told = None if camera_file is None else _json(camera_file)
     own = None if told is None else _pinhole(told)
     scale = 1000.0 if told is None or "depth_scale" not in told.value else told.number("depth_scale", above=0.0)
     if told is not None and not 1.0 <= scale <= 1e6:
         raise told.fail(f"depth_scale is {scale:g}; it must be readings a metre")
-    fps = stated.fps
-    if fps is None and told is not None and "fps" in told.value:
-        fps = told.number("fps", above=0.0)
-    depth, times = _timed(files, fps or NOMINAL_FPS)
+    rate = None if told is None or "fps" not in told.value else told.number("fps", above=0.0)
+    named = _named(files, stated.fps, rate, "" if camera_file is None else camera_file.name)
     home = next((folder / name for name in _COLOUR_FOLDERS if (folder / name).is_dir()), None)
-    pictures = [] if home is None else [*home.glob("*.png"), *home.glob("*.jpg")]
-    colour, _ = _timed(natural_order(pictures), fps or NOMINAL_FPS)
-    return _source(folder, stated, depth, colour, own=own, unit_m=stated.unit(1.0 / scale), times=times)
+    pictures = _named([] if home is None else [*home.glob("*.png"), *home.glob("*.jpg")], stated.fps, rate, "")
+    depth, colour = (list(zip(each.files, each.times_s, strict=True)) for each in (named, pictures))
+    times = named.words if told is None or named.clock else f"{named.words}{_against_length(told, depth)}"
+    alone = "" if named.clock else NO_CLOCK
+    unit_m = stated.unit(1.0 / scale)
+    return _source(folder, stated, depth, colour, own=own, unit_m=unit_m, times=times, alone=alone)
+
+
+def _named(files: list[Path], fps: float | None, own_fps: float | None, told_by: str) -> NamedTimes:
+    """The times of images by their names, else by the stated rate, else by the folder's own."""
+    named = named_times(files, fps)
+    if named.clock or fps is not None or own_fps is None:
+        return named
+    return named_times(files, own_fps, told_by=f"as {told_by} tells")
+
+
+def _against_length(told: Checked, depth: Timed) -> str:
+    """What the recording's own length, if Open3D's reader noted one, says of times by a rate; nothing if they agree."""
+    length_s = told.number("stream_length_usec") * 1e-6 if "stream_length_usec" in told.value else 0.0
+    if length_s <= 0.0 or len(depth) < 2:
+        return ""
+    made_s = depth[-1][1] - depth[0][1]
+    if abs(made_s - length_s) <= _LENGTH_AGREES * length_s:
+        return f", and its length of {length_s:.2f} s agrees"
+    return (
+        f"; warning: the recording was {length_s:.2f} s long and these images make {made_s:.2f} s, so that frames were "
+        "lost or left out, and nobody knows when"
+    )
 
 
 def _source(
-    folder: Path, stated: Stated, depth: Timed, colour: Timed, *, own: Camera | None, unit_m: float, times: str
+    folder: Path,
+    stated: Stated,
+    depth: Timed,
+    colour: Timed,
+    *,
+    own: Camera | None,
+    unit_m: float,
+    times: str,
+    alone: str = "",
 ) -> Source:
     width, height = depth_png.image_size(depth[0][0])
     if own is not None and (own.width, own.height) != (width, height):
@@ -93,7 +124,7 @@ def _source(
     camera = stated.camera(width, height, own=own, where=folder)
     beside = Colour(camera, np.eye(4)) if colour else None  # both layouts lay depth over colour
     sensor = Sensor("sensor", camera, unit_m, stated.depth_range_m, colour=beside)
-    return Source(sensor, _frames(depth, colour, camera), times=times, count=len(depth))
+    return Source(sensor, _frames(depth, colour, camera), times=times, count=len(depth), alone=alone)
 
 
 def _frames(depth: Timed, colour: Timed, camera: Camera) -> Frames:
@@ -101,15 +132,6 @@ def _frames(depth: Timed, colour: Timed, camera: Camera) -> Frames:
         yield DepthFrame(time_s, depth_png.read_readings(file, width=camera.width, height=camera.height))
     for file, time_s in colour:
         yield ColourFrame(time_s, _read(file, _LARGEST_COLOUR))
-
-
-def _timed(files: list[Path], fps: float) -> tuple[Timed, str]:
-    """Files with their times (s): from all their names, or else by a nominal rate; and which it was."""
-    found = [_NAME_WITH_TIME.fullmatch(file.stem) for file in files]
-    named = [int(match[1]) * 1e-6 for match in found if match]
-    if files and len(named) == len(files):
-        return list(zip(files, named, strict=True)), "the file names"
-    return [(file, index / fps) for index, file in enumerate(files)], f"a nominal rate of {fps:g} Hz"
 
 
 def _listed(folder: Path, name: str) -> Timed:

@@ -10,6 +10,7 @@ from capture.errors import RecordingError
 from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, text_images
 from capture.importers.disparity import converted
 from capture.importers.mirror import unmirrored
+from capture.importers.names import natural_order
 from capture.importers.source import Source, Stated
 from capture.recording.types import HEADER_FILE, UNFINISHED_FILE
 
@@ -150,7 +151,7 @@ def _of_files(folder: Path, pattern: str) -> Format:
     Raises:
         RecordingError: there is none, or it is a recording of a sensor by itself.
     """
-    first = images.natural_order(images.source_files(folder, pattern))[0]
+    first = natural_order(images.source_files(folder, pattern))[0]
     found = recognised(first)
     if not found.folders:
         raise RecordingError("is a recording by itself, not an image", where=first, remedy="name this file")

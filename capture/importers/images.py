@@ -1,13 +1,12 @@
 """Depth images without a description: folders of PNG images, raw 16-bit dumps.
 
-Neither tells when a frame was taken or what the camera was, so both are asked for; a nominal rate stands for times
-that nobody knows.
+Neither tells what the camera was, so that is asked for. When a frame was taken stands in the names of files, or else a
+nominal rate stands for times that nobody knows (``capture.importers.names``).
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +15,17 @@ from numpy.typing import NDArray
 
 from capture.camera import Camera
 from capture.errors import RecordingError
-from capture.importers.source import DEPTH_RANGE_M, NOMINAL_FPS, DepthFrame, Source, Stated, check_size
+from capture.importers.names import NamedTimes, named_times, rate_in_words
+from capture.importers.source import (
+    DEPTH_RANGE_M,
+    NO_CLOCK,
+    NOMINAL_FPS,
+    DepthFrame,
+    Frames,
+    Source,
+    Stated,
+    check_size,
+)
 from capture.recording import Recording, RecordingWriter, Sensor, depth_png, open_recording
 
 Kind = Literal["png", "raw"]
@@ -65,9 +74,9 @@ def open_png(source: Path, stated: Stated) -> Source:
     Raises:
         RecordingError: there is none, the first is no 16-bit grey PNG, or no focal length is stated.
     """
-    files = natural_order(source_files(source, stated.pattern or "*.png"))
-    width, height = depth_png.image_size(files[0])
-    return _source(files, "png", stated.camera(width, height, own=None, where=source), stated)
+    named = named_times(source_files(source, stated.pattern or "*.png"), stated.fps)
+    width, height = depth_png.image_size(named.files[0])
+    return _source(named, "png", stated.camera(width, height, own=None, where=source), stated)
 
 
 def open_raw(source: Path, stated: Stated) -> Source:
@@ -76,21 +85,29 @@ def open_raw(source: Path, stated: Stated) -> Source:
     Raises:
         RecordingError: there is none, or no focal length is stated.
     """
-    files = natural_order(source_files(source, stated.pattern or "*"))
+    named = named_times(source_files(source, stated.pattern or "*"), stated.fps)
     width, height = stated.size or RAW_SIZE
     check_size(width, height, where=source)
-    return _source(files, "raw", stated.camera(width, height, own=None, where=source), stated)
+    camera = stated.camera(width, height, own=None, where=source)
+    if any(file.stat().st_size > width * height * _BYTES_PER_READING for file in named.files):
+        fps = stated.fps or NOMINAL_FPS
+        sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m)
+        words = f"{rate_in_words(fps)} ({'as stated' if stated.fps else 'assumed'}: nothing tells the time)"
+        return Source(sensor, _frames(named.files, "raw", camera, fps), times=words, alone=NO_CLOCK)
+    return _source(named, "raw", camera, stated)
 
 
-def _source(files: Sequence[Path], kind: Kind, camera: Camera, stated: Stated) -> Source:
-    fps = stated.fps or NOMINAL_FPS
+def _source(named: NamedTimes, kind: Kind, camera: Camera, stated: Stated) -> Source:
+    """A source of files that hold an image each."""
     sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m)
-    return Source(sensor, _frames(files, kind, camera, fps), times=rate_in_words(fps), count=len(files))
+    images = ((_READERS[kind](file, camera), time_s) for file, time_s in zip(named.files, named.times_s, strict=True))
+    frames = (DepthFrame(time_s, image) for image_of, time_s in images for image in image_of)
+    return source_of(named, sensor, frames)
 
 
-def rate_in_words(fps: float) -> str:
-    """Where times come from that nobody knows."""
-    return f"a nominal rate of {fps:g} Hz"
+def source_of(named: NamedTimes, sensor: Sensor, frames: Frames) -> Source:
+    """The source that a sensor's files and the frames in them make."""
+    return Source(sensor, frames, times=named.words, count=len(named.files), alone="" if named.clock else NO_CLOCK)
 
 
 def _frames(files: Sequence[Path], kind: Kind, camera: Camera, fps: float) -> Iterator[DepthFrame]:
@@ -131,15 +148,6 @@ def refuse_pointer(file: Path) -> None:
                 where=file,
                 remedy="fetch the file with `git lfs pull`",
             )
-
-
-def natural_order(files: Iterable[Path]) -> list[Path]:
-    """Files sorted by name, numbers in names by their value: 20.png before 100.png."""
-
-    def key(file: Path) -> list[tuple[int, str]]:
-        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", file.name)]
-
-    return sorted(files, key=key)
 
 
 def _png_image(file: Path, camera: Camera) -> Iterator[NDArray[np.uint16]]:

@@ -119,7 +119,8 @@ def open_oni(path: Path, stated: Stated) -> Source:
             remedy="record it as 16z or without compression",
         )
     sensor = Sensor("sensor", camera, stated.unit(unit), stated.depth_range_m, colour=beside, mirrored=depth.mirrored)
-    return Source(sensor, _frames(path, number, None if beside is None else colour_number), times="the file")
+    frames = _frames(path, number, None if beside is None else colour_number)
+    return Source(sensor, frames, times="the file (from its own beginning)", alone="begins its times at 0")
 
 
 def _until_depth(path: Path, nodes: dict[int, _Node]) -> int:

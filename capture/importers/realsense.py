@@ -24,6 +24,13 @@ COLOUR_TOPIC = r"/device_\d+/sensor_\d+/Color_\d+"
 _FORWARD = {"Brown Conrady", "Modified Brown Conrady", "plumb_bob"}
 _BACKWARD = {"Inverse Brown Conrady"}
 _LARGEST_MISFIT_PX = 0.5
+_OWN = "Hardware Clock"
+_CLOCKS = {
+    _OWN: " (the camera's own clock, which no other camera shares)",
+    "System Time": " (the computer's time when the frames arrived)",
+    "Global Time": " (the camera's clock in the computer's time)",
+}
+"""By the SDK's name: whose times they are."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +49,17 @@ class Lens:
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """What a file tells beside its frames; ``depth_unit_m`` None if it does not say; poses map from one reference."""
+    """What a file tells beside its frames; ``depth_unit_m`` None if it does not say; poses map from one reference.
+
+    ``clock`` is what the SDK calls the domain of the times, as "Hardware Clock"; empty if it does not say.
+    """
 
     depth: Lens
     depth_unit_m: float | None
     colour: Lens | None
     depth_from_reference: Floats | None
     colour_from_reference: Floats | None
+    clock: str = ""
 
 
 def as_source(streams: Streams, frames: Frames, path: Path, stated: Stated, *, count: int) -> Source:
@@ -66,7 +77,9 @@ def as_source(streams: Streams, frames: Frames, path: Path, stated: Stated, *, c
         moved = None if poses[0] is None or poses[1] is None else poses[1] @ inverse(poses[0])
         colour = Colour(_camera_or_none(streams.colour, path), moved)
     sensor = Sensor("sensor", camera, stated.unit(streams.depth_unit_m), stated.depth_range_m, colour=colour)
-    return Source(sensor, frames, times="the file", count=count)
+    clock = _CLOCKS.get(streams.clock, "")
+    alone = "has times by the camera's own clock" if streams.clock == _OWN else ""
+    return Source(sensor, frames, times=f"the file{clock}", count=count, alone=alone)
 
 
 def camera_of(lens: Lens, path: Path) -> Camera:

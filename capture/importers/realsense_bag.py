@@ -33,6 +33,7 @@ from capture.importers.source import (
 from capture.rigid import Floats, transform
 
 _DEPTH_ENCODINGS = {"mono16", "16UC1", "Z16"}
+_METADATA_LOOKED_AT = 200
 _COLOUR_CHANNELS = {"rgb8": (3, [2, 1, 0]), "bgr8": (3, [0, 1, 2]), "rgba8": (4, [2, 1, 0]), "bgra8": (4, [0, 1, 2])}
 """Encodings that are kept: bytes a pixel, and where blue, green and red stand."""
 
@@ -62,6 +63,7 @@ def open_bag(path: Path, stated: Stated) -> Source:
             colour=None if colour is None else _lens(reader, colour.removesuffix("/image/data"), names),
             depth_from_reference=_pose(reader, depth, names),
             colour_from_reference=None if colour is None else _pose(reader, colour, names),
+            clock=_clock(reader, names.get(depth.removesuffix("/data") + "/metadata")),
         )
         count = int(names[depth].msgcount)
     wanted = {depth} if streams.colour is None or colour is None else {depth, colour}
@@ -140,6 +142,19 @@ def _depth_unit(reader: Any, depth: str, names: dict[str, Any]) -> float | None:
     told = None if connection is None else _message(reader, connection)
     # Single precision in the file: 0.001 reads 0.0010000000475.
     return float(f"{told.data:.7g}") if told is not None and 1e-6 <= told.data <= 1.0 else None
+
+
+def _clock(reader: Any, metadata: Any) -> str:
+    """The domain of the times, as the first image's metadata tell it; empty if they do not."""
+    if metadata is None:
+        return ""
+    for count, (_, _, raw) in enumerate(reader.messages([metadata])):
+        told = _types().deserialize_ros1(bytes(raw), metadata.msgtype)
+        if told.key == "timestamp_domain":
+            return str(told.value)
+        if count == _METADATA_LOOKED_AT:
+            break
+    return ""
 
 
 def _pose(reader: Any, image: str, names: dict[str, Any]) -> Floats | None:

@@ -61,6 +61,7 @@ def open_db3(path: Path, stated: Stated) -> Source:
             colour=None if colour is None else _lens(_text(database, topics, f"{colour}/camera_info")),
             depth_from_reference=_pose(database, topics, depth),
             colour_from_reference=None if colour is None else _pose(database, topics, colour),
+            clock=_pairs(_text(database, topics, f"{depth}/image/metadata") or "").get("timestamp_domain", ""),
         )
         (count,) = database.execute(
             "SELECT COUNT(*) FROM messages WHERE topic_id = ?", (topics[depth + _DEPTH_IMAGE],)

@@ -14,13 +14,17 @@ from capture.importers.formats import open_source
 from capture.importers.offset import estimate_offset, motion_of
 from capture.importers.parts import Parts, ShownBox, Span
 from capture.importers.readings import Tally
-from capture.importers.source import ColourFrame, DepthFrame, Source, Stated
-from capture.recording import Recording, RecordingWriter, Sensor, open_recording, refuse_impossible_rates
+from capture.importers.source import NO_CLOCK, ColourFrame, DepthFrame, Source, Stated
+from capture.importers.times import Timed
+from capture.recording import Recording, RecordingWriter, Sensor, open_recording
+from capture.recording.clocks import refuse_clocks_apart, refuse_impossible_rate
 
 _EARLY_COLOUR = 8
 """How many colour images before the first depth frame are kept."""
 
 _NOTHING_STATED = Stated()
+
+_RATE = "If they stand in names of files, state the true rate with --fps (1 for stills)"
 
 Progress = Callable[[str, int, int | None], None]
 """Called after each depth frame with the sensor's name, how many have been read, and of how many (if known)."""
@@ -58,8 +62,8 @@ def import_recording(
 
     Raises:
         RecordingError: a file is missing, empty, damaged, of another kind, or without depth; its readings are of no
-            use; too little is known of the camera; motion tells no offset; no frames of the box, or of anything else,
-            are at the stated times; or ``out`` is in use.
+            use; too little is known of the camera; its times cannot be; the clocks have no time in common; motion tells
+            no offset; no frames of the box, or of anything else, are at the stated times; or ``out`` is in use.
     """
     listed = [paths] if isinstance(paths, Path) else list(paths)
     names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
@@ -75,7 +79,7 @@ def import_recording(
 
     def opened(path: Path) -> Source:
         source = open_source(path, of_path[path], name=format_name)
-        return replace(source, frames=Tally(source.sensor, path).watched(source.frames))
+        return replace(source, frames=Tally(source.sensor, path).watched(Timed(path).watched(source.frames)))
 
     shown = box.paths if box is not None and box.paths else ()
     if shown and len(shown) != len(listed):
@@ -89,6 +93,8 @@ def import_recording(
     sensors = [replace(source.sensor, name=name) for source, name in zip(sources, names, strict=True)]
     starts = [_first_time(opened(path), path) for path in listed]
     shifts, told = _shifts(listed, names, starts, offset, opened)
+    if offset == "clock" and len(listed) > 1:
+        told = [_one_clock(sources, listed)]
     what = " and ".join(_in_words(path, source) for path, source in zip(listed, sources, strict=True))
     created_by = "; ".join([f"bonetrack import of {what}", *told])
     with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
@@ -96,21 +102,43 @@ def import_recording(
             writer.set_box(box.size_m)
         for path, sensor in zip(shown, sensors, strict=False):
             write_box_frames(writer, sensor, opened(path), path)
+        filmed = {}
         for path, source, sensor, shift in zip(listed, sources, sensors, shifts, strict=True):
-            tally = Tally(sensor, path)
-            watched = replace(source, frames=tally.watched(source.frames))
+            tally, timed = Tally(sensor, path), Timed(path)
+            watched = replace(source, frames=tally.watched(timed.watched(source.frames)))
             write_frames(writer, sensor, watched, path, shift_s=shift, parts=parts, progress=progress)
+            refuse_impossible_rate(sensor.name, timed.times_s, where=path, mend=_RATE)
+            filmed[sensor.name] = timed.times_s + shift
+            for words in timed.words():
+                writer.tell(f"{sensor.name}: {words}")
             if readings is not None:
                 readings(sensor.name, tally.words())
-    recording = open_recording(out)
-    refuse_impossible_rates(recording)
-    return recording
+        refuse_clocks_apart(filmed, where=out)
+    return open_recording(out)
 
 
 def _in_words(path: Path, source: Source) -> str:
     """What a source is and how it was taken, for who looks at the recording later."""
     turned = ", mirrored by the driver and turned back" if source.sensor.mirrored else ""
     return f"{path.name}{turned}, times by {source.times}"
+
+
+def _one_clock(sources: Sequence[Source], paths: Sequence[Path]) -> str:
+    """What one clock of all sources means, in words.
+
+    Raises:
+        RecordingError: a source's clock is its own, or only some sources have one.
+    """
+    if all(source.alone == NO_CLOCK for source in sources):
+        return "none has a clock, so all are taken to begin at once"
+    for source, path in zip(sources, paths, strict=True):
+        if source.alone:
+            raise RecordingError(
+                f"{source.alone}, so it shares no clock with the others",
+                where=path,
+                remedy="give --offset motion, or the time between the sensors' first frames (0 if they began at once)",
+            )
+    return "all by one clock"
 
 
 def _first_time(source: Source, path: Path) -> float:
@@ -134,7 +162,7 @@ def _shifts(
     if len(paths) == 1:
         return shifts, told
     if offset == "clock":
-        return [-starts[0]] * len(paths), ["all by one clock"]
+        return [-starts[0]] * len(paths), told
     before = motion_of(opened(paths[0])) if offset == "motion" else None
     total = 0.0
     for i in range(1, len(paths)):
@@ -188,7 +216,7 @@ def write_frames(
     Colour images out of order are left out, and so are those long before the first depth frame.
 
     Raises:
-        RecordingError: no depth frame of a part, depth out of order, or whatever the reader finds wrong.
+        RecordingError: no depth frame of a part, or whatever the reader finds wrong.
     """
     count = 0
     written = {"box": 0, "person": 0, "neither": 0}
@@ -197,12 +225,6 @@ def write_frames(
     for frame in source.frames:
         part = parts.of(frame.time_s + shift_s)
         if isinstance(frame, DepthFrame):
-            if not frame.time_s > last_depth:
-                raise RecordingError(
-                    f"depth frame {count} (at {frame.time_s:.4f} s) does not come after the one before",
-                    where=path,
-                    remedy="record or copy it again",
-                )
             last_depth = frame.time_s
             if part != "neither":
                 add = writer.add_box_frame if part == "box" else writer.add_frame

@@ -28,6 +28,9 @@ DEPTH_RANGE_M = (0.2, 4.0)
 NOMINAL_FPS = 30.0
 """The rate assumed when nobody knows when the frames were taken (Hz)."""
 
+NO_CLOCK = "has times by a nominal rate"
+"""Why such a source shares a clock with no other."""
+
 
 @dataclass(frozen=True, eq=False)
 class DepthFrame:
@@ -57,12 +60,14 @@ class Source:
         frames: depth and colour frames in the file's order, each kind in order of time; can be read once.
         times: where the times come from, to be told to people.
         count: how many depth frames there will be, if the file tells.
+        alone: why its times are on no clock that another file could share; empty if they may be.
     """
 
     sensor: Sensor
     frames: Frames
     times: str
     count: int | None = None
+    alone: str = ""
 
 
 @dataclass(frozen=True)

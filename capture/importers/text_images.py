@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import RecordingError
-from capture.importers.images import natural_order, rate_in_words, source_files
+from capture.importers.images import source_files, source_of
+from capture.importers.names import NamedTimes, named_times
 from capture.importers.source import (
     LARGEST_READING,
-    NOMINAL_FPS,
     DepthFrame,
     Source,
     Stated,
@@ -50,8 +50,8 @@ def open_text(source: Path, stated: Stated) -> Source:
     Raises:
         RecordingError: there is none; the first is no table, or of points; no focal length, or no unit, is known.
     """
-    files = natural_order(source_files(source, stated.pattern or "*"))
-    first = _table(files[0])
+    named = named_times(source_files(source, stated.pattern or "*"), stated.fps)
+    first = _table(named.files[0])
     height, width = first.shape
     camera = stated.camera(width, height, own=None, where=source)
     whole = _is_whole(first)
@@ -59,13 +59,12 @@ def open_text(source: Path, stated: Stated) -> Source:
     if not whole and stated.depth_unit_m is None:
         raise RecordingError(
             "has numbers with decimals, which are not millimetres for sure",
-            where=files[0],
+            where=named.files[0],
             remedy="state what 1 is worth: --unit-mm 1000 for metres, 1 for millimetres",
         )
     scale = 1.0 if whole else stated.unit(None) / unit
     sensor = Sensor("sensor", camera, unit, stated.depth_range_m)
-    fps = stated.fps or NOMINAL_FPS
-    return Source(sensor, _tables(files, first.shape, scale, fps), times=rate_in_words(fps), count=len(files))
+    return source_of(named, sensor, _tables(named, first.shape, scale))
 
 
 def open_pgm(source: Path, stated: Stated) -> Source:
@@ -74,18 +73,18 @@ def open_pgm(source: Path, stated: Stated) -> Source:
     Raises:
         RecordingError: there is none, the first is no PGM image of depth, or no focal length is stated.
     """
-    files = natural_order(source_files(source, stated.pattern or "*.pgm"))
-    height, width = _pgm(files[0]).shape
+    named = named_times(source_files(source, stated.pattern or "*.pgm"), stated.fps)
+    height, width = _pgm(named.files[0]).shape
     sensor = Sensor(
         "sensor", stated.camera(width, height, own=None, where=source), stated.unit(None), stated.depth_range_m
     )
-    fps = stated.fps or NOMINAL_FPS
-    frames = (DepthFrame(i / fps, _sized(_pgm(file), (height, width), file)) for i, file in enumerate(files))
-    return Source(sensor, frames, times=rate_in_words(fps), count=len(files))
+    files = zip(named.files, named.times_s, strict=True)
+    frames = (DepthFrame(time_s, _sized(_pgm(file), (height, width), file)) for file, time_s in files)
+    return source_of(named, sensor, frames)
 
 
-def _tables(files: list[Path], shape: tuple[int, ...], scale: float, fps: float) -> Iterator[DepthFrame]:
-    for index, file in enumerate(files):
+def _tables(named: NamedTimes, shape: tuple[int, ...], scale: float) -> Iterator[DepthFrame]:
+    for file, time_s in zip(named.files, named.times_s, strict=True):
         table = _sized(_table(file), shape, file)
         if scale == 1.0 and not _is_whole(table):
             raise RecordingError(
@@ -95,7 +94,7 @@ def _tables(files: list[Path], shape: tuple[int, ...], scale: float, fps: float)
             )
         readings = np.rint(np.nan_to_num(table, nan=0.0, posinf=0.0, neginf=0.0) * scale)
         kept = np.where((readings > 0) & (readings <= LARGEST_READING), readings, 0)
-        yield DepthFrame(index / fps, kept.astype(np.uint16))
+        yield DepthFrame(time_s, kept.astype(np.uint16))
 
 
 def _is_whole(table: Floats) -> bool:

@@ -21,6 +21,7 @@ from capture.recording.types import (
     Sensor,
     SensorCalibration,
 )
+from capture.recording.usable import refuse_useless_depth
 from capture.recording.write import RecordingWriter, write_calibration_file
 from capture.rigid import Floats
 
@@ -40,6 +41,7 @@ __all__ = [
     "open_recording",
     "read_depth",
     "refuse_impossible_rates",
+    "refuse_useless_depth",
     "used_in_words",
     "world_from_sensor",
     "write_calibration_file",

@@ -1,8 +1,8 @@
 """Which sensor's frame belongs to which other's: instants, and how many frames of each sensor they use.
 
 Sensors that run freely stand beside each other by any part of a period, so pairing follows each sensor's own rate: the
-sensor with the most frames is the clock, and a frame of another belongs to the tick at most half a period of the
-clock away. What is farther from every tick stands alone, as an instant of its own: there is no gap between the two.
+fastest sensor is the clock, and a frame of another belongs to the tick at most half a period of the clock away. What is
+farther from every tick stands alone, as an instant of its own: there is no gap between the two.
 """
 
 from __future__ import annotations
@@ -10,23 +10,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import RecordingError
+from capture.recording.clocks import refuse_clocks_apart, refuse_impossible_rate, usual_period
 from capture.recording.stale import stale_frames
 from capture.recording.types import FrameFile, Instant, Recording
 from capture.rigid import Floats
 
-NOMINAL_PERIOD_S = 1.0 / 30.0
-"""Of a sensor with a single frame."""
-SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
-"""No depth sensor films people outside of these rates; times in another unit than seconds do."""
 WARNED_SHARE = 0.9
 """Of a sensor's frames, below which it is said that others were not used."""
 _HALF_A_PERIOD = 0.55  # and a little, for sensors exactly half a period apart tremble about it
+_AS_FAST = 1.1
+_FEWEST = 5  # frames that tell a sensor's rate
 _AT_MOST_S = 0.040  # what a limb does in more than that is no instant, however slow the sensor
 
 
@@ -47,12 +45,13 @@ class FramesUsed:
 
 @lru_cache(maxsize=8)
 def _cached(recording: Recording) -> tuple[Instant, ...]:
-    _refuse_clocks_apart(recording)
+    refuse_impossible_rates(recording)
+    refuse_clocks_apart({s.name: _times(s.frames) for s in recording.sensors}, where=recording.path)
     stale = stale_frames(recording)
     left = {s.name: [f for f in s.frames if f not in stale[s.name]] for s in recording.sensors}
     found: list[Instant] = []
     while any(left.values()):
-        clock = max(left, key=lambda name: len(left[name]))
+        clock = _clock(left)
         ticks, others = left.pop(clock), {name: frames for name, frames in left.items() if frames}
         within_s = _tolerance(ticks)
         found += _on_ticks(clock, ticks, others, within_s)
@@ -70,7 +69,8 @@ def instants(recording: Recording) -> list[Instant]:
     a sensor repeats under new times are left out (``capture.recording.stale``).
 
     Raises:
-        RecordingError: no sensor has a frame, or the clocks of two sensors have no time in common.
+        RecordingError: no sensor has a frame, a sensor has a rate that none has, or the clocks of two sensors have no
+            time in common.
     """
     return list(_cached(recording))
 
@@ -89,48 +89,19 @@ def frames_used(recording: Recording) -> list[FramesUsed]:
 def refuse_impossible_rates(recording: Recording) -> None:
     """Raise RecordingError where a sensor's frames come at a rate that no depth sensor has: the unit is wrong."""
     for sensor in recording.sensors:
-        if len(sensor.frames) < 2:
-            continue
-        rate = 1.0 / _period(sensor.frames)
-        if SLOWEST_HZ <= rate <= FASTEST_HZ:
-            continue
-        unit = _unit_of(rate)
-        likely = f"are the times in {unit}, not in seconds?" if unit else "are the times in seconds?"
-        raise RecordingError(
-            f"sensor {sensor.name!r} has {rate:.3g} frames a second, which no sensor has",
-            where=recording.path,
-            remedy=f"{likely} Mend the column time_s; of stills at unknown times, import with --fps",
-        )
+        refuse_impossible_rate(sensor.name, _times(sensor.frames), where=recording.path)
 
 
-def _unit_of(rate_hz: float) -> str:
-    """The unit in which times of a usual rate would look like this one."""
-    units = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9, "minutes": 1.0 / 60.0}
-    return next((name for name, per_s in units.items() if 4.0 <= rate_hz * per_s <= 250.0), "")
-
-
-def _refuse_clocks_apart(recording: Recording) -> None:
-    """Raise RecordingError where two sensors have no time in common: their clocks do not tell the same time."""
-    with_frames = [sensor for sensor in recording.sensors if len(sensor.frames) > 1]
-    for one, other in combinations(with_frames, 2):
-        spans = [(s.frames[0].time_s, s.frames[-1].time_s) for s in (one, other)]
-        if max(start for start, _ in spans) <= min(end for _, end in spans) + _AT_MOST_S:
-            continue
-        told = " and ".join(f"{s.name!r} {a:.2f} to {b:.2f} s" for s, (a, b) in zip((one, other), spans, strict=True))
-        raise RecordingError(
-            f"the sensors' clocks have no time in common: {told}",
-            where=recording.path,
-            remedy="import the sensors' files again with --offset",
-        )
-
-
-def _period(frames: Sequence[FrameFile]) -> float:
-    """The usual time (s) between frames."""
-    return float(np.median(np.diff(_times(frames)))) if len(frames) > 1 else NOMINAL_PERIOD_S
+def _clock(left: Mapping[str, list[FrameFile]]) -> str:
+    """The fastest sensor, or of those about as fast the one with the most frames: no tick is then wanted twice."""
+    told = {name: frames for name, frames in left.items() if len(frames) >= _FEWEST} or left
+    periods = {name: usual_period(_times(frames)) for name, frames in told.items() if frames}
+    fast = [name for name, period in periods.items() if period <= _AS_FAST * min(periods.values())]
+    return max(fast, key=lambda name: len(left[name]))
 
 
 def _tolerance(ticks: Sequence[FrameFile]) -> float:
-    return min(_HALF_A_PERIOD * _period(ticks), _AT_MOST_S)
+    return min(_HALF_A_PERIOD * usual_period(_times(ticks)), _AT_MOST_S)
 
 
 def _on_ticks(

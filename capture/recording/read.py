@@ -16,6 +16,7 @@ from capture.camera import DISTORTION_LENGTHS, Camera
 from capture.errors import RecordingError
 from capture.recording import depth_png
 from capture.recording.checked_json import Checked, read_json
+from capture.recording.clocks import Clock, restarts_in_words
 from capture.recording.types import (
     BOX_FRAMES_FILE,
     CALIBRATION_FILE,
@@ -52,7 +53,8 @@ def open_recording(path: Path | str) -> Recording:
     if not header_file.is_file():
         raise _no_header(path)
     header = read_json(header_file, format_name=FORMAT, newest_version=VERSION)
-    sensors = tuple(_sensor(entry, path) for entry in header.objects("sensors"))
+    mended: list[str] = []
+    sensors = tuple(_sensor(entry, path, mended) for entry in header.objects("sensors"))
     names = [sensor.name for sensor in sensors]
     if len(set(names)) < len(names):
         raise header.fail(f"two sensors have the same name ({', '.join(names)})")
@@ -65,6 +67,7 @@ def open_recording(path: Path | str) -> Recording:
         region=_optional(header, "region", _region),
         calibration=read_calibration(path / CALIBRATION_FILE, names),
         created_by=str(header.value.get("created_by", "")),
+        mended=tuple(mended),
     )
 
 
@@ -134,7 +137,8 @@ def _region(region: Checked) -> Region:
     return Region(minimum, maximum)
 
 
-def _sensor(entry: Checked, folder: Path) -> Sensor:
+def _sensor(entry: Checked, folder: Path, mended: list[str]) -> Sensor:
+    """A sensor and its frames; what was wrong with its times and could be mended is added to ``mended``."""
     name = entry.text("name")
     if not _SENSOR_NAME.fullmatch(name):
         raise entry.fail(f"sensor name {name!r} must be letters, digits, '-' and '_' only")
@@ -149,12 +153,15 @@ def _sensor(entry: Checked, folder: Path) -> Sensor:
             remedy="list its depth images there, or take the sensor out of recording.json",
         )
     box_list = home / BOX_FRAMES_FILE
+    clock = Clock()
+    frames = _frames(home / FRAMES_FILE, clock)
+    mended += restarts_in_words(name, clock.restarts)
     return Sensor(
         name=name,
         camera=_camera(entry.object("camera")),
         depth_unit_m=entry.number("depth_unit_m", above=0.0),
         depth_range_m=(nearest, farthest),
-        frames=_frames(home / FRAMES_FILE),
+        frames=frames,
         box_frames=_frames(box_list) if box_list.is_file() else (),
         colour=None if entry.value.get("colour") is None else _colour(entry.object("colour"), home),
         mirrored="mirrored" in entry.value and entry.flag("mirrored"),
@@ -198,8 +205,9 @@ def _rigid(entry: Checked, key: str) -> np.ndarray[tuple[int, int], np.dtype[np.
     return matrix
 
 
-def _frames(list_file: Path) -> tuple[FrameFile, ...]:
-    """The frames that a list names: columns file, time_s; times strictly increasing; files there."""
+def _frames(list_file: Path, clock: Clock | None = None) -> tuple[FrameFile, ...]:
+    """The frames that a list names: columns file, time_s; times strictly increasing on the clock; files there."""
+    clock = Clock() if clock is None else clock
     try:
         with list_file.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
@@ -216,14 +224,28 @@ def _frames(list_file: Path) -> tuple[FrameFile, ...]:
         if not row:
             continue
         frame = _frame(row, list_file, line)
-        if frames and not frame.time_s > frames[-1].time_s:
-            raise RecordingError(
-                f"line {line}: time {frame.time_s:g} s does not come after {frames[-1].time_s:g} s",
-                where=list_file,
-                remedy="list the images in the order in which they were taken, with their true times",
-            )
+        frame = FrameFile(frame.path, clock(frame.time_s))
+        if frames:
+            _refuse_before(frames[-1], frame, list_file, line)
         frames.append(frame)
     return tuple(frames)
+
+
+def _refuse_before(last: FrameFile, frame: FrameFile, list_file: Path, line: int) -> None:
+    """Raise RecordingError for a frame that does not come after the last."""
+    if frame.time_s > last.time_s:
+        return
+    if frame.time_s == last.time_s:
+        raise RecordingError(
+            f"line {line}: the time {frame.time_s:g} s stands twice, for {last.path.name} and {frame.path.name}",
+            where=list_file,
+            remedy="state when each was taken, or take one of the two lines out",
+        )
+    raise RecordingError(
+        f"line {line}: time {frame.time_s:g} s does not come after {last.time_s:g} s",
+        where=list_file,
+        remedy="list the images in the order in which they were taken, with their true times",
+    )
 
 
 def _frame(row: list[str], list_file: Path, line: int) -> FrameFile:

@@ -85,7 +85,10 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recording folder that has been checked: sensors, calibration box (m), region, calibration, who made it."""
+    """A recording folder that has been checked: sensors, calibration box (m), region, calibration, who made it.
+
+    ``mended`` says in words what was wrong with the folder and could be mended as it was opened.
+    """
 
     path: Path
     sensors: tuple[Sensor, ...]
@@ -93,6 +96,7 @@ class Recording:
     region: Region | None = None
     calibration: Calibration | None = None
     created_by: str = ""
+    mended: tuple[str, ...] = ()
 
     @property
     def common_frame_is_sensor(self) -> bool:

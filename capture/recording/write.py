@@ -113,6 +113,10 @@ class RecordingWriter:
             partial.write_bytes(data)
         self._list(sensor, COLOUR_FRAMES_FILE, index, file, time_s)
 
+    def tell(self, words: str) -> None:
+        """Add to what is said of who made the recording, and how."""
+        self._header["created_by"] += f"; {words}"
+
     def set_box(self, size_m: tuple[float, float, float]) -> None:
         """Tell the size of the calibration box (m)."""
         self._header["box"] = {"size_m": [float(side) for side in size_m]}

@@ -58,14 +58,14 @@ class Case:
 KINECT = Case(
     "kinect",
     "upperbody_arms_kinect1_skeltrack",
-    "--format raw --pattern 'depth-data-*' --fx 585 --fps 0.1",
+    "--format raw --pattern 'depth-data-*' --fx 585 --fps 1",
     (-0.75, -0.6, 0.5, 0.02, 0.7, 1.7),
     "--poses 4 --frames 5,7,9,10",
 )
 SR305 = Case(
     "sr305",
     "forearm_sr305/20210326-231615",
-    "--fx 476.007 --cx 313.683 --cy 242.755 --unit-mm 0.125 --fps 0.1",
+    "--fx 476.007 --cx 313.683 --cy 242.755 --unit-mm 0.125 --fps 1",
     (-0.3, -0.4, 0.3, 0.35, 0.4, 0.9),
     "--poses 4 --frames 4,6,8,9",
 )

@@ -5,8 +5,10 @@ from __future__ import annotations
 import copy
 import json
 import struct
+from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
+from types import MappingProxyType
 
 import av
 import cv2
@@ -57,10 +59,12 @@ def write(
     calibration: object = CALIBRATION,
     tracks: tuple[str, ...] = ("COLOR", "DEPTH"),
     with_frames: bool = True,
+    tags: Mapping[str, str] = MappingProxyType({}),
 ) -> Path:
-    """Write a recording with these tracks; a calibration that is a string is attached as it is, None not at all."""
+    """Write a recording with these tracks and tags; a calibration that is a string is attached as it is, None not."""
     with av.open(str(path), "w", format="matroska", options={"allow_raw_vfw": "1"}) as container:
         streams = {}
+        container.metadata.update(tags)
         for title in tracks:
             stream = container.add_stream("mjpeg" if title == "COLOR" else "rawvideo", rate=FPS)
             stream.width, stream.height = (64, 36) if title == "COLOR" else (WIDTH, HEIGHT)

@@ -87,7 +87,7 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
         adapt_into(subject_file, recording, load_anatomy(item.anatomy), region=region)
     subject = load_subject(subject_file, anatomy=item.anatomy)
     motion = track_recording(recording, subject, folder / "motion", region=region)
-    return _row(item.name, motion, subject, frames_used(recording))
+    return _row(item.name, motion, subject, frames_used(recording), recording.mended)
 
 
 def _calibrated(recording: Recording) -> Recording:
@@ -114,7 +114,7 @@ def _calibrated(recording: Recording) -> Recording:
     return open_recording(recording.path)
 
 
-def _row(name: str, motion, subject, used) -> Row:  # type: ignore[no-untyped-def]
+def _row(name: str, motion, subject, used, mended) -> Row:  # type: ignore[no-untyped-def]
     import numpy as np
 
     from adapt.subject import doubts
@@ -131,7 +131,7 @@ def _row(name: str, motion, subject, used) -> Row:  # type: ignore[no-untyped-de
         residual_mm=round(1e3 * float(np.median(motion.residuals[tracked])), 3) if tracked.any() else None,
         hidden=", ".join(f"{bone} {count}" for bone, count in counts.items() if count),
         used=", ".join(f"{one.sensor} {one.used}/{one.total}" for one in used),
-        warning="; ".join(line for line in [*used_in_words(used)[1:], *doubts(subject)]),
+        warning="; ".join([*mended, *used_in_words(used)[1:], *doubts(subject)]),
     )
 
 

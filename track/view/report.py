@@ -13,8 +13,8 @@ from adapt.fit.never_seen import guessed_lengths
 from adapt.model.body import rest_theta
 from adapt.subject import Subject, doubts
 from capture.files import replaced_when_complete
-from capture.recording import FramesUsed, Recording, used_in_words
-from capture.settings import version_of, versions
+from capture.recording import Recording
+from capture.settings import sensors_in_words, version_of, versions
 from track.belonging import tracked_elsewhere
 from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
@@ -71,9 +71,9 @@ def _lead(scene: Scene) -> str:
 def _doubts(scene: Scene, subject: Subject) -> str:
     """What could not be told, and which sensors' frames were used."""
     settings = _motion(scene).settings
-    used = [] if settings is None else [FramesUsed(**one) for one in settings.options.get("frames_used", [])]
     elsewhere = tracked_elsewhere(_motion(scene), subject)
-    told = [*doubts(subject), *([elsewhere] if elsewhere else []), *(used_in_words(used) if used else [])]
+    told = [*doubts(subject), *([elsewhere] if elsewhere else [])]
+    told += [] if settings is None else sensors_in_words(settings.options)
     return escape(" ".join(f"{line[:1].upper()}{line[1:]}." for line in told))
 
 
