@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,8 @@ from adapt.fit.rival_side import TOLD, SideEvidence, _pose_of_other, compare_sid
 from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import make_body, pose_skin
+from adapt.model.size import resized
+from adapt.subject import doubts
 from capture.errors import FitError
 
 FRAMES = [0, 3, 6, 9]
@@ -80,3 +82,11 @@ def test_an_upper_arm_alone_does_not_tell_its_side(limb, clouds):
     cut = [upper_arm(target, theta) for target, theta in zip(clouds, limb.thetas[FRAMES], strict=True)]
     evidence = compare_sides(limb.subject.anatomy, cut, limb.thetas[FRAMES], scale=1.0)
     assert abs(evidence.support) < TOLD
+
+
+def test_what_could_not_be_told_is_said_beside_every_result(limb):
+    report = {"side": asdict(SideEvidence(0.001, 0.00101, 120, 0.5)) | {"told": False}}
+    assert "taken on trust" in doubts(replace(limb.subject, report=report))[0]
+    assert doubts(limb.subject) == []  # written before sides were told
+    small = replace(limb.subject, body=resized(limb.subject.body, 0.62))
+    assert "0.62 of the template" in doubts(small)[0]
