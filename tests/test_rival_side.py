@@ -89,4 +89,4 @@ def test_what_could_not_be_told_is_said_beside_every_result(limb):
     assert "taken on trust" in doubts(replace(limb.subject, report=report))[0]
     assert doubts(limb.subject) == []  # written before sides were told
     small = replace(limb.subject, body=resized(limb.subject.body, 0.62))
-    assert "0.62 of the template" in doubts(small)[0]
+    assert "a body this small (0.6" in doubts(small)[0]
