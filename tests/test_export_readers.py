@@ -226,6 +226,24 @@ def test_opensim_and_nimblephysics_put_every_body_where_ours_is_in_random_poses(
             np.testing.assert_allclose(theirs[name], ours[name], atol=KNEE_M, err_msg=name)
 
 
+def test_opensims_inverse_kinematics_finds_our_angles_where_the_last_marker_is_unknown(exported, tmp_path):
+    module = opensim()
+    model, tool = module.Model(str(exported.model)), module.InverseKinematicsTool()
+    tool.setModel(model)  # which it does not keep alive
+    tool.setMarkerDataFileName(str(exported.folder / "markers.trc"))
+    tool.setStartTime(exported.motion.times[HIDDEN - 1])
+    tool.setEndTime(exported.motion.times[HIDDEN + 1])
+    tool.setOutputMotionFileName(str(tmp_path / "ik.mot"))
+    tool.setResultsDir(str(tmp_path))
+    assert tool.run()
+    table = module.TimeSeriesTable(str(tmp_path / "ik.mot"))
+    anatomy = exported.subject.anatomy
+    for joint in anatomy.joints[1:2]:  # elbow, hip: enough markers on both sides of it, whichever bone is hidden
+        for name in joint.coordinates:
+            ours = np.rad2deg(exported.motion.thetas[HIDDEN - 1 : HIDDEN + 2, anatomy.coordinate_index(name)])
+            np.testing.assert_allclose(table.getDependentColumn(name).to_numpy(), ours, atol=0.5, err_msg=name)
+
+
 def test_tables_are_read_by_pandas_with_what_is_lost_as_missing(exported, tmp_path):
     pandas = pytest.importorskip("pandas", reason="reads tables in tests")
     pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
