@@ -32,6 +32,8 @@ def read_first_poses(path: Path, anatomy: Anatomy) -> dict[int, Floats]:
             raise ValueError("a column that is no coordinate")
         for row in rows[1:]:
             theta = rest_theta(make_body(anatomy))
+            if len(row) != len(header):
+                raise ValueError("a row that is longer or shorter than the header")
             cells = dict(enumerate(row))
             for k, column in columns.items():
                 if column is not None:
