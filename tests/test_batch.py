@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -171,17 +172,20 @@ def test_a_missing_recording_fails_alone_and_a_bad_file_is_no_table(tmp_path: Pa
 class PausedCluster:
     """What a Dask client says of a cluster whose processes hold too much memory to take work."""
 
-    def __init__(self, *states: str) -> None:
-        self._states = states
+    def __init__(self, *states: str, executing: int = 0) -> None:
+        self._states, self._executing = states, executing
 
-    def scheduler_info(self) -> dict[str, dict[str, dict[str, str]]]:
-        return {"workers": {f"tcp://{k}": {"status": status} for k, status in enumerate(self._states)}}
+    def scheduler_info(self) -> dict[str, Any]:
+        metrics = {"task_counts": {"executing": self._executing}}
+        workers = {f"tcp://{k}": {"status": status, "metrics": metrics} for k, status in enumerate(self._states)}
+        return {"workers": workers}
 
 
 def test_processes_that_are_all_paused_are_not_waited_for() -> None:
     with pytest.raises(BatchError, match="all 2 processes are paused"):
         track.batch.run._refuse_if_paused(PausedCluster("paused", "paused"))
     track.batch.run._refuse_if_paused(PausedCluster("paused", "running"))
+    track.batch.run._refuse_if_paused(PausedCluster("paused", "paused", executing=1))  # they end what they began
 
 
 def test_a_batch_looks_again_and_again_while_it_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -102,7 +102,7 @@ def _results(client: Any, items: Sequence[Item], out: Path, work: Work, retries:
 def _refuse_if_paused(client: Any) -> None:
     """Raise BatchError where no process takes work any more, for want of memory: it would be waited for for ever."""
     workers = client.scheduler_info()["workers"].values()
-    if workers and all(worker["status"] == "paused" for worker in workers):
+    if workers and all(worker["status"] == "paused" and not _executing(worker) for worker in workers):
         raise BatchError(
             f"all {len(workers)} processes are paused: each holds over 80 % of the memory it may",
             remedy="give each more memory, or use fewer; the same command goes on with what is left",
@@ -115,6 +115,13 @@ def _one_line(error: BaseException) -> str:
     if isinstance(error, KilledWorker):
         return "its process died each time; give each process more memory, or use fewer"
     return f"{type(error).__name__}: {error}".partition("\n")[0]
+
+
+def _executing(worker: Mapping[str, Any]) -> int:
+    """How many tasks a process has begun: one that is paused still ends those."""
+    metrics = worker.get("metrics", {})
+    counts = metrics.get("task_counts", {})
+    return int(metrics.get("executing", 0)) + sum(int(counts.get(state, 0)) for state in ("executing", "long-running"))
 
 
 @contextmanager
