@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,6 +15,7 @@ from adapt.anatomy import Floats
 from adapt.mirror import mirrored_coordinate
 from adapt.subject import load_subject
 from capture.recording import open_recording
+from capture.recording.types import HEADER_FILE
 from track.evaluation.errors import Truth, evaluate_motion
 from track.evaluation.trials.command import Told, bonetrack
 from track.evaluation.trials.recorded import Made
@@ -43,8 +45,8 @@ def track_and_judge(made: Made, folder: Path) -> Outcome:
         ("adapt", made.recording, "--anatomy", made.anatomy, "--out", subject),
         ("track", made.recording, "--subject", subject, "--out", motion),
     ]
-    if open_recording(made.recording).box_size_m is not None:
-        steps.insert(0, ("calibrate", made.recording))
+    if json.loads((made.recording / HEADER_FILE).read_text(encoding="utf-8")).get("box") is not None:
+        steps.insert(0, ("calibrate", made.recording))  # what is wrong with the rest is the commands' to say
     for step in steps:
         told = bonetrack(*step)
         if told.code != 0:
