@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import adapt.fit.overall_size as overall_size_module
 from adapt.anatomy import load_anatomy
-from adapt.fit.overall_size import settle_size
+from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.priors import overall_size
 from adapt.fit.sample import sample_skin
-from adapt.fit.start import locate
+from adapt.fit.start import locate, try_pose
 from adapt.model.body import joint_centres, make_body
 from adapt.model.size import handle_centres, resized
 from capture.errors import FitError
@@ -57,6 +59,17 @@ def test_a_grown_up_is_looked_for_once_and_keeps_the_template(arm, sample):
     found, sizes = settled(arm, sample, true, bent(true, 70.0, 20.0))
     assert sizes == [1.0]
     np.testing.assert_array_equal(found.body.shape, make_body(arm).shape)
+
+
+def test_a_grown_up_keeps_the_pose_that_was_searched(arm, sample, monkeypatch):
+    """Proportions fitted to a single frame may turn a forearm over; they only tell the size."""
+    true = random_body(arm, SEED)
+    theta = bent(true, 70.0, 20.0)
+    searched = try_pose(make_body(arm), exact_target(true, theta), sample, theta)
+    turned = replace(searched, fit=replace(searched.fit, theta=searched.fit.theta + 1.0))
+    monkeypatch.setattr(overall_size_module, "_grown", lambda body, target, start, pose: SizedPose(start, turned))
+    found = settle_size(make_body(arm), exact_target(true, theta), lambda body, size: searched)
+    np.testing.assert_array_equal(found.pose.fit.theta, searched.fit.theta)
 
 
 def test_a_resized_body_is_the_same_body_larger(arm):

@@ -45,10 +45,12 @@ def settle_size(body: Body, target: Target, search: Callable[[Body, float], Scor
         FitError: the search finds nothing at any size.
     """
     found: list[SizedPose] = []
+    searched: dict[float, ScoredPose] = {}
     problem: FitError | None = None
     for size in (1.0, *OTHER_SIZES):
         try:
-            found.append(_grown(body, target, resized(body, size), search(resized(body, size), size)))
+            searched[size] = search(resized(body, size), size)
+            found.append(_grown(body, target, resized(body, size), searched[size]))
         except FitError as error:
             problem = problem or error
             continue
@@ -57,6 +59,8 @@ def settle_size(body: Body, target: Target, search: Callable[[Body, float], Scor
     if not found:
         raise problem or FitError("no size of the anatomy fits the cloud", remedy="narrow the region of interest")
     best = min(found, key=lambda one: one.pose.badness_m * (1.0 if one is found[0] else 1.0 / _CLEARLY))
+    if 1.0 in searched and abs(overall_size(best.body) - 1.0) < _LEFT_TO_THE_FIT:
+        return SizedPose(body, searched[1.0])  # proportions fitted to one frame may have turned a forearm over
     return _whole(body, target, best)
 
 
