@@ -48,7 +48,7 @@ def flexion_error(limb, theta, frame):
 def test_a_gap_is_gone_into_from_where_the_limb_was_found_again(limb, tracker, true_frames):
     frames = lost_at(tracker, true_frames, {3, 4})
     frames[5] = replace(frames[5], how=FOUND)
-    assert anchors(frames) == [5]
+    assert anchors(frames) == [5, 6]
     asked = []
 
     def step(k, state):
@@ -100,6 +100,26 @@ def test_from_a_pose_set_by_hand_the_way_back_is_preferred_up_to_the_gap(tracker
 
     told = [frame.how for frame in go_back(tracker, frames, 6, step)]
     assert told == [FOLLOWED] * 2 + [BACKWARD] * 4 + [BY_HAND, FOLLOWED]
+
+
+def test_a_pose_found_anew_is_held_against_the_frame_after_it(limb, tracker):
+    """A forearm that was found turned in the first frame, and followed rightly from the second."""
+    frames, state = [], tracker.nothing_known()
+    for k in range(3):
+        frame, state = tracker.follow(limb.targets[k], float(limb.times[k]), state)
+        frames.append(frame)
+    turn = limb.subject.anatomy.coordinate_index("pro_sup")
+    turned = frames[0].theta.copy()
+    turned[turn] -= np.deg2rad(60.0)
+    frames[0] = replace(frames[0], theta=turned, skin_m=1.3 * frames[0].skin_m)
+    assert anchors(frames) == [1]
+
+    def step(k, state):
+        return tracker.follow(limb.targets[k], -float(limb.times[k]), state, searching=False)
+
+    revised = go_back(tracker, frames, 1, step)
+    assert [frame.how for frame in revised] == [BACKWARD, FOLLOWED, FOLLOWED]
+    assert abs(np.rad2deg(revised[0].theta[turn] - limb.thetas[0, turn])) < 6.0
 
 
 def test_a_pose_set_by_hand_is_where_tracking_starts(limb, tracker):

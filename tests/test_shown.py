@@ -255,7 +255,7 @@ def searches(monkeypatch):
     """The searches that a tracker makes; none finds anything."""
     made = []
 
-    def search(*given):
+    def search(*given, **more):
         made.append(given)
         raise track.tracker.FitError("nothing there")
 

@@ -18,11 +18,12 @@ from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres
+from adapt.model.size import resized
 from adapt.subject import save_subject
 from capture.cloud.fuse import Region, region_of_interest
 from capture.recording import open_recording
 from capture.rigid import exp_so3, log_so3
-from tests.known_limb import FPS, FRAMES, exact_cloud, exact_target
+from tests.known_limb import FPS, FRAMES, bent, exact_cloud, exact_target, known_subject
 from track.motion import MotionError, load_motion
 from track.poses_by_hand import HandPose
 from track.prediction import advance, pose_difference, predict
@@ -75,6 +76,18 @@ def test_a_limb_found_anew_whose_outline_lies_on_other_surface_is_lost(limb, tra
     assert ("outline lies on other surface" in frame.lost) == lost
     assert np.isnan(frame.theta).all() == lost
     assert (state is None) == lost
+
+
+@pytest.mark.parametrize(("elbow", "twist", "began"), [(20.0, -50.0, 85.0), (70.0, 0.0, 85.0), (70.0, 50.0, -85.0)])
+def test_a_childs_forearm_found_anew_is_turned_into_its_place(limb, elbow, twist, began):
+    """A thin forearm turned by half its range has points near all its skin: that is no pose to begin with."""
+    child = resized(limb.subject.body, 0.6)
+    target = exact_target(child, bent(child, elbow, twist))
+    subject = known_subject(child, bent(child, elbow + 15.0, began)[None], np.zeros(1))
+    as_adapted = {"median_distance_mm": 0.2, "skin_to_cloud_mm": 2.6}
+    frame, _ = make_tracker(replace(subject, report=subject.report | {"poses": [as_adapted]})).first(target, 0.0)
+    turn = child.anatomy.coordinate_index("pro_sup")
+    assert abs(np.rad2deg(frame.theta[turn]) - twist) < 5.0
 
 
 def test_a_motion_says_how_sure_it_is(tracked):
@@ -255,7 +268,7 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_motion(limb, tracked, tmp_pa
     motion = track_recording(
         limb.recording, limb.subject, tmp_path / "motion", progress=lambda done, total: seen.append(done)
     )
-    assert seen == list(range(6, FRAMES + 1))
+    assert seen == list(range(6, FRAMES + 2))  # the first frame is looked at again from the second
     same_motion(motion, tracked[0])
     same_motion(load_motion(tmp_path / "motion"), tracked[0])
     for name in ("angles.mot", "centres.trc", "quality.csv"):

@@ -1,8 +1,9 @@
 """Back in time from a frame that is sure into the gap before it.
 
-A limb that comes back may be found late, and the frames before a pose set by hand were tracked without it. So from such
-an anchor tracking runs backward, until it meets what tracking forward found, or has not done better for half a second.
-Of each frame the better of the two poses is kept as it is: nothing is blended, so poses may jump where both are joined.
+A limb that comes back may be found late, the frames before a pose set by hand were tracked without it, and a pose found
+anew rests on one image alone. So from a frame like these, and from the one after a find, tracking runs backward, until
+it meets what tracking forward found, or has not done better for half a second. Of each frame the better of the two
+poses is kept as it is: nothing is blended, so poses may jump where both are joined.
 """
 
 from __future__ import annotations
@@ -22,14 +23,19 @@ Step = Callable[[int, TrackerState], tuple[TrackedFrame, TrackerState]]
 
 _GIVEN_UP_S = 0.5  # tracking goes no farther back beyond the last frame in which it did better
 _CLEARLY = 0.8  # a pose is better than another that shows as much if its residual is this share of the other's
+_NEARER = 0.9  # or if all its skin is that much nearer to the cloud
 _MEET_RAD, _MEET_M = np.deg2rad(3.0), 0.008  # poses nearer than this tell the same
 
 
 def anchors(frames: list[TrackedFrame]) -> list[int]:
-    """Frames to go back from: the first after a gap, those found anew, those set by hand."""
+    """Frames to go back from: the first after a gap, those found anew and the ones after them, those set by hand."""
     tracked = [not frame.lost for frame in frames]
-    fresh = [frame.how in (FOUND, BY_HAND) for frame in frames]
-    return [k for k in range(1, len(frames)) if tracked[k] and (fresh[k] or not tracked[k - 1])]
+    found, by_hand = ([frame.how == how for frame in frames] for how in (FOUND, BY_HAND))
+    return [
+        k
+        for k in range(1, len(frames))
+        if tracked[k] and (found[k] or found[k - 1] or by_hand[k] or not tracked[k - 1])
+    ]
 
 
 def go_back(tracker: Tracker, frames: list[TrackedFrame], anchor: int, step: Step) -> list[TrackedFrame]:
@@ -80,4 +86,5 @@ def _meet(anatomy: Anatomy, one: TrackedFrame, other: TrackedFrame) -> bool:
 def _better(one: TrackedFrame, other: TrackedFrame) -> bool:
     """Whether more bones show, or as many and clearly nearer to the cloud."""
     more = int(one.shown.sum()) - int(other.shown.sum())
-    return more > 0 or (more == 0 and one.residual_m < _CLEARLY * other.residual_m)
+    nearer = one.residual_m < _CLEARLY * other.residual_m or one.skin_m < _NEARER * other.skin_m
+    return more > 0 or (more == 0 and nearer)

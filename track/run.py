@@ -241,6 +241,7 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
         covariance=np.array(entry["covariance"], dtype=np.float64),
         shown=np.array(entry["shown"], dtype=bool),
         residual_m=entry["residual_m"],
+        skin_m=entry["skin_m"],
         coverage=entry["coverage"],
         matches=entry["matches"],
         lost=entry["lost"],

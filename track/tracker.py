@@ -21,8 +21,9 @@ from adapt.fit.never_seen import skin_of, without
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import score_pose
-from adapt.fit.start import CLEARLY_M, locate, try_pose
+from adapt.fit.start import CLEARLY_M, GOOD_M, locate, try_pose
 from adapt.fit.untold import towards_rest
+from adapt.model.body import Body
 from adapt.subject import Subject
 from capture.errors import FitError
 from track.prediction import pose_difference, predict, unsure_where_unknown
@@ -35,6 +36,8 @@ LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alon
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
+_CLEARLY_WORSE = 1.2  # from a likely start, skin that is farther from the cloud than as adapted by more is searched
+_STILL_RAD, _MOST_FITS = np.deg2rad(0.5), 5  # a pose found anew is fitted until it stays
 _PAST_S = 0.15  # what is found when the last pose is older than this is found anew
 _FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 _COMPARED_S = 0.2  # after which what was taken up from a pose forgotten by then is compared with what a search finds
@@ -58,6 +61,7 @@ class TrackedFrame:
     covariance: Floats = field(repr=False)
     shown: Bools = field(repr=False)
     residual_m: float
+    skin_m: float
     coverage: float
     matches: int
     lost: str
@@ -87,11 +91,16 @@ class TrackerState:
 
 @dataclass(frozen=True)
 class Tracker:
-    """A subject prepared for tracking; ``usual_m`` is how far (m) a pose found anew may be from the cloud."""
+    """A subject prepared for tracking.
+
+    ``usual_m`` is how far (m) matched skin of a pose found anew may be from the cloud, ``good_m`` how far all its skin
+    may be in a pose that was fitted from one of the subject's own, if the limb is not to be searched.
+    """
 
     subject: Subject
     sample: SkinSample = field(repr=False)
     usual_m: float
+    good_m: float
 
     def thresholds(self) -> dict[str, float]:
         """What decides whether a frame is tracked, a bone shows, and a limb is searched; m, s, rad, shares, counts."""
@@ -99,6 +108,7 @@ class Tracker:
             "sampled_vertices": SAMPLED_VERTICES,
             "largest_residual_m": judge.FOLLOWED.residual_m,
             "largest_residual_found_anew_m": self.usual_m,
+            "largest_skin_to_cloud_unsearched_m": self.good_m,
             "largest_residual_without_root_m": FRESH_RESIDUAL_M,
             "least_skin_in_sight": LEAST_IN_SIGHT,
             "least_coverage": judge.FOLLOWED.coverage,
@@ -118,8 +128,8 @@ class Tracker:
         """Track a frame without a past: from the subject's example poses, else from many starts."""
         body = self.subject.body
         try:
-            start = locate(body, target, self.sample, list(self.subject.thetas))
-            fit = fit_pose(body, target, start.fit.theta, self.sample)
+            start = locate(body, target, self.sample, list(self.subject.thetas), good_m=self.good_m)
+            fit = _settled(body, target, start.fit.theta, self.sample)
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), None
         attached = score_pose(body, target, fit, self.sample).attached
@@ -251,7 +261,7 @@ class Tracker:
         known_s = np.where(coordinates_known(anatomy, shown[None])[0], time_s, known_s)
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
         covariance = unsure_where_unknown(anatomy, pose_covariance(self.subject, fit, self.sample), time_s - known_s)
-        quality = (fit.residual_m, found.whole.coverage, len(fit.matches))
+        quality = (fit.residual_m, found.whole.skin_m, found.whole.coverage, len(fit.matches))
         return TrackedFrame(time_s, theta, covariance, shown, *quality, lost), known_s
 
 
@@ -263,14 +273,37 @@ def _search_is_due(state: TrackerState) -> bool:
 
 def make_tracker(subject: Subject) -> Tracker:
     """Prepare a subject for tracking."""
-    adapted = [pose["median_distance_mm"] / 1e3 for pose in subject.report.get("poses", ())]
-    usual_m = (
-        max(_WORSE_THAN_ADAPTED * float(np.median(adapted)), FRESH_RESIDUAL_M) if adapted else judge.FOLLOWED.residual_m
-    )
     sample = sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES)
-    return Tracker(subject, without(sample, skin_of(subject.body, subject.never_seen)), usual_m)
+    matched, skin = (_as_adapted(subject, name) for name in ("median_distance_mm", "skin_to_cloud_mm"))
+    return Tracker(
+        subject,
+        without(sample, skin_of(subject.body, subject.never_seen)),
+        usual_m=judge.FOLLOWED.residual_m if matched is None else max(_WORSE_THAN_ADAPTED * matched, FRESH_RESIDUAL_M),
+        good_m=GOOD_M if skin is None else min(_CLEARLY_WORSE * skin, GOOD_M),
+    )
+
+
+def _as_adapted(subject: Subject, name: str) -> float | None:
+    """The median (m) of what the subject's report says (mm) of its example poses; None where it does not."""
+    told = [pose[name] / 1e3 for pose in subject.report.get("poses", ()) if name in pose]
+    return float(np.median(told)) if told else None
+
+
+def _settled(body: Body, target: Target, theta: Floats, sample: SkinSample) -> PoseFit:
+    """The fitted pose, fitted again until it stays: from afar a forearm turns slowly into its place.
+
+    Raises:
+        FitError: too little of the skin finds a target.
+    """
+    fit = fit_pose(body, target, theta, sample)
+    for _ in range(_MOST_FITS - 1):
+        before = fit.theta
+        fit = fit_pose(body, target, before, sample)
+        if np.abs(pose_difference(body.anatomy, fit.theta, before)).max() < _STILL_RAD:
+            break
+    return fit
 
 
 def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:
     n, nowhere = len(anatomy.coordinates), np.zeros(len(anatomy.bones), dtype=bool)
-    return TrackedFrame(time_s, np.full(n, np.nan), np.full((n, n), np.nan), nowhere, np.nan, 0.0, 0, reason)
+    return TrackedFrame(time_s, np.full(n, np.nan), np.full((n, n), np.nan), nowhere, np.nan, np.nan, 0.0, 0, reason)

@@ -37,6 +37,7 @@ _PARTS = 4  # of the slender parts, the largest
 _EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
 _IN_SIGHT, _FOUND = 0.1, 0.75  # of a bone's skin, and of that: of bones with less, the cloud tells nothing
+GOOD_M = 0.006  # a pose from a likely start whose skin is this near to the cloud needs no search
 _GOOD_COVERAGE = 0.9  # a pose from a likely start that finds this share of the skin needs no search
 _GOOD_ATTACHED, _GOOD_VOID = 0.4, 0.15  # the same of a pose with less of its outline attached, of its skin in the void
 CLEARLY_M = 0.003  # a pose found by search must be better by this much than one that was there before
@@ -61,7 +62,7 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
 
 
 def locate(
-    body: Body, target: Target, sample: SkinSample, starts: Sequence[Floats], *, good_m: float = 0.006
+    body: Body, target: Target, sample: SkinSample, starts: Sequence[Floats], *, good_m: float = GOOD_M
 ) -> ScoredPose:
     """A pose from some likely ``starts``, or by search where none of them leads to a good one.
 
