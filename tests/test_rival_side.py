@@ -10,7 +10,14 @@ import pytest
 
 from adapt.fit.correspondences import Target
 from adapt.fit.recording import adapt_recording
-from adapt.fit.rival_side import TOLD, SideEvidence, _pose_of_other, compare_sides, refuse_the_other_side
+from adapt.fit.rival_side import (
+    TOLD,
+    SideEvidence,
+    _pose_of_other,
+    compare_sides,
+    refuse_neither_side,
+    refuse_the_other_side,
+)
 from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import make_body, pose_skin
@@ -65,6 +72,29 @@ def test_what_the_data_cannot_tell_is_neither_claimed_nor_refused(limb):
     alike = SideEvidence(asked_m=0.0010, other_m=0.00101, patches=120, prior=0.5)
     assert not alike.told
     refuse_the_other_side(alike, limb.subject.anatomy, where=Path("rec"))
+
+
+def test_what_no_side_explains_is_refused(limb, clouds):
+    """A fit across the patient's arm and the therapist's: skin 4.4 mm off, and the mirror image is worse still."""
+    anatomy = limb.subject.anatomy
+    across = SideEvidence(asked_m=0.0044, other_m=0.0055, patches=140, prior=5.0)
+    with pytest.raises(FitError, match=r"4\.4 mm off, patch by patch") as refused:
+        refuse_neither_side(across, anatomy, clouds, where=Path("rec"))
+    assert "--near" in refused.value.remedy
+    refuse_neither_side(replace(across, asked_m=0.0007), anatomy, clouds, where=Path("rec"))
+    refuse_neither_side(replace(across, other_m=0.0007), anatomy, clouds, where=Path("rec"))  # the other side's to say
+
+
+def test_far_sensors_may_be_farther_off(limb, clouds):
+    far = [Target(replace(t.cloud, views=tuple(moved_back(v, 3.0) for v in t.cloud.views))) for t in clouds]
+    across = SideEvidence(asked_m=0.0044, other_m=0.0055, patches=140, prior=5.0)
+    refuse_neither_side(across, limb.subject.anatomy, far, where=Path("rec"))
+
+
+def moved_back(view, by_m):
+    world_from_sensor = view.world_from_sensor.copy()
+    world_from_sensor[:3, 3] -= by_m * world_from_sensor[:3, 2]
+    return replace(view, world_from_sensor=world_from_sensor)
 
 
 def test_an_upper_arm_alone_does_not_tell_its_side(limb, clouds):

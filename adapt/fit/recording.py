@@ -24,7 +24,7 @@ from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit, fit_pose
 from adapt.fit.priors import overall_size
-from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_the_other_side
+from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
@@ -136,6 +136,7 @@ def _asked_side(
         refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)
     except FitError as error:
         raise FitError(error.problem, where=recording.path, remedy=error.remedy) from error
+    refuse_neither_side(side, body.anatomy, targets, where=recording.path)
     refuse_the_other_side(side, body.anatomy, where=recording.path)
     return side
 

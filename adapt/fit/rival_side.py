@@ -42,6 +42,9 @@ _UPDATES = 6
 _GATE_M = 0.02
 _MOST_M = 0.01  # a part that goes astray counts as this far off, however far it is
 
+_MOST_APART_M = 0.0025  # patches of bare skin lie within 1.6 mm of what sensors see up to _NEAR_M away, wrong fits 3 mm
+_NEAR_M = 2.2
+
 TOLD = 15.0
 """Support (nats) from which on a side is told: the thresholds' half of the situations in docs/field-trials.md."""
 
@@ -81,6 +84,37 @@ def refuse_the_other_side(evidence: SideEvidence | None, anatomy: Anatomy, *, wh
         where=where,
         remedy=f"ask for `--anatomy {other}`; if the sensors' driver mirrors its images, `bonetrack import --mirrored`",
     )
+
+
+def refuse_neither_side(
+    evidence: SideEvidence | None, anatomy: Anatomy, targets: Sequence[Target], *, where: Path
+) -> None:
+    """Raise FitError where not even the nearer side lies on the K clouds as a limb does whose proportions are fitted.
+
+    Every patch may be off by 2.5 mm, beyond 2.2 m from the sensors by more, as their noise grows.
+    """
+    if evidence is None:
+        return
+    most_m, apart_m = _MOST_APART_M * _noisier(targets), min(evidence.asked_m, evidence.other_m)
+    if apart_m <= most_m:
+        return
+    raise FitError(
+        f"no fit of {anatomy.name}, nor of its mirror image, lies on what was seen: its skin is {1e3 * apart_m:.1f} mm "
+        f"off, patch by patch, and a limb's at most {1e3 * most_m:.1f} mm",
+        where=where,
+        remedy="is somebody or something else beside the limb, or over it? Say where the limb alone is with "
+        "`--near X Y Z` or `--region X0 Y0 Z0 X1 Y1 Z1`, and check unit and focal length",
+    )
+
+
+def _noisier(targets: Sequence[Target]) -> float:
+    """How many times noisier the K clouds are, by their distance from the sensors, than near ones."""
+    depths = [
+        (target.cloud.points[index] - view.world_from_sensor[:3, 3]) @ view.world_from_sensor[:3, 2]
+        for target in targets
+        for view, index, _ in target.parts
+    ]
+    return max(1.0, (float(np.median(np.concatenate(depths))) / _NEAR_M) ** 2)
 
 
 def compare_sides(
