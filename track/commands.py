@@ -26,6 +26,7 @@ _PATH = click.Path(path_type=Path)
 )
 @region_option
 @near_option
+@click.option("--keep-searching", is_flag=True, help="Go on where none of a few frames looked at shows the subject.")
 def track_command(
     recording: Path,
     subject: Path,
@@ -35,6 +36,7 @@ def track_command(
     poses: Path | None,
     region: tuple[float, ...] | None,
     near: tuple[float, ...] | None,
+    keep_searching: bool,
 ) -> None:
     """Track SUBJECT through RECORDING; a run that was cut short goes on where it stopped."""
     from rich.progress import Progress
@@ -61,6 +63,7 @@ def track_command(
             region=region_near(opened, region, near),
             poses=by_hand,
             world_from_thorax=frame,
+            keep_searching=keep_searching,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     print_motion(motion, person)

@@ -31,6 +31,7 @@ from track.belonging import subject_fingerprint
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.osim_motion import with_coupled
 from track.export.quality_table import write_quality
+from track.first_look import refuse_a_stranger, refuse_two_limbs
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
 from track.poses_by_hand import HandPose
 from track.settings import Settings, settings_of
@@ -52,6 +53,7 @@ def track_recording(
     region: Region | None = None,
     poses: Sequence[HandPose] = (),
     world_from_thorax: Floats | None = None,
+    keep_searching: bool = False,
     progress: Progress = lambda done, total: None,
 ) -> Motion:
     """Track a subject through a recording and write the motion folder ``out``.
@@ -63,10 +65,12 @@ def track_recording(
         region: where the limb is, instead of the recording's or the automatic region.
         poses: set by hand for single frames; tracking starts from each, onward and back into the gap before it.
         world_from_thorax: (4, 4), if ISB's thoraco-humeral angles are wanted.
+        keep_searching: go on where neither the first frame nor a few others show the subject.
         progress: told how many frames of how many are done; gaps that are gone into backward count on.
 
     Raises:
-        MotionError: the folder holds something else, there is no frame of a pose's number, or a thorax but no humerus.
+        MotionError: the folder holds something else, there is no frame of a pose's number, a thorax but no humerus,
+            the recording does not show the subject, or two limbs that could be the subject's.
         RecordingError, CalibrationError: see ``fuse``.
     """
     if world_from_thorax is not None:
@@ -88,7 +92,7 @@ def track_recording(
     person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))
     hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
     journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum, *hands))
-    work = _Work(tracker, recording, region, moments, journal)
+    work = _Work(tracker, recording, region, moments, journal, looks_first=not (by_hand or keep_searching))
     frames = work.forward(by_hand, progress)
     frames = work.backward(frames, progress)
     motion = _motion(subject, frames, settings)
@@ -106,6 +110,7 @@ class _Work:
     region: Region
     moments: list[Instant]
     journal: Journal
+    looks_first: bool
 
     def forward(self, by_hand: Mapping[int, Floats], progress: Progress) -> list[TrackedFrame]:
         """All frames in order of time."""
@@ -115,11 +120,21 @@ class _Work:
         left = self.moments[len(frames) :]
         with closing(one_ahead(self._target, left)) as targets:
             for moment, target in zip(left, targets, strict=True):
+                before = state
                 frame, state = self._track(moment.time_s, target, state, by_hand.get(len(frames)))
+                if self.looks_first and not np.isfinite(before.time_s):
+                    self._look_first(frame, target, first=not frames)
                 frames.append(frame)
                 self.journal.append({**asdict(frame), "state": asdict(state)})
                 progress(len(frames), len(self.moments))
         return frames
+
+    def _look_first(self, frame: TrackedFrame, target: Target | CloudError, *, first: bool) -> None:
+        """Refuse a recording that does not show the subject, or shows it twice, by the frames up to the first find."""
+        if first and frame.lost:
+            refuse_a_stranger(self.tracker, self.moments, frame, self._target, self.recording.path)
+        elif not frame.lost and isinstance(target, Target):
+            refuse_two_limbs(self.tracker, target, frame, self.recording.path)
 
     def backward(self, frames: list[TrackedFrame], progress: Progress) -> list[TrackedFrame]:
         """The frames with the gaps gone into from behind."""

@@ -32,8 +32,13 @@ _MOST_UNEXPLAINED = 0.5  # of the cloud near a second limb: more goes on than it
 _ALIKE = 1.5  # a second limb of the other side fits that side about as well as the fitted one fits its own
 
 
-def other_limb(body: Body, target: Target, theta: Floats, sample: SkinSample) -> tuple[Target, ScoredPose] | None:
-    """What a limb at ``theta`` (n,) leaves of a cloud, and a second one found there; None where there is none."""
+def other_limb(
+    body: Body, target: Target, theta: Floats, sample: SkinSample, *, most_worse: float = _MOST_WORSE
+) -> tuple[Target, ScoredPose] | None:
+    """What a limb at ``theta`` (n,) leaves of a cloud, and a second one found there; None where there is none.
+
+    The second one's skin is at most ``most_worse`` times as far from the cloud as the first one's.
+    """
     left = unexplained_points(body, target, theta)
     if left.sum() < _WORTH_A_SEARCH * (~left).sum():
         return None
@@ -48,8 +53,16 @@ def other_limb(body: Body, target: Target, theta: Floats, sample: SkinSample) ->
     bones = sum(shows(part) for part in skin.found.bones.values())
     sound = pose.attached < _MOST_ATTACHED and pose.void < _MOST_VOID and bones >= _LEAST_BONES
     whole = skin.found.whole
-    sound &= whole.skin_m < _MOST_WORSE * first.skin_m and skin.unexplained < _MOST_UNEXPLAINED
+    sound &= whole.skin_m < most_worse * first.skin_m and skin.unexplained < _MOST_UNEXPLAINED
     return (rest, pose) if sound and not skin.reason and whole.in_sight > _LEAST_IN_SIGHT else None
+
+
+def limbs_that_could_be_meant(
+    body: Body, target: Target, theta: Floats, sample: SkinSample, *, most_worse: float
+) -> tuple[str, str] | None:
+    """Where the limb at ``theta`` (n,) is and where a second one like it, in words; None where there is none."""
+    second = other_limb(body, target, theta, sample, most_worse=most_worse)
+    return None if second is None else (_said(_middle(body, theta)), _said(_middle(body, second[1].fit.theta)))
 
 
 def refuse_two_limbs(
@@ -72,10 +85,10 @@ def refuse_two_limbs(
     if second is None:
         return
     rest, pose = second
-    theirs = compare_sides(body.anatomy, [rest], pose.fit.theta[None], scale=scale)
-    apart = side is not None and theirs is not None and side.told and theirs.support < -TOLD
-    if apart and side and theirs and theirs.other_m < _ALIKE * side.asked_m:
-        return  # the other limb is of the other side
+    if side is not None and side.told:
+        theirs = compare_sides(body.anatomy, [rest], pose.fit.theta[None], scale=scale)
+        if theirs is not None and theirs.support < -TOLD and theirs.other_m < _ALIKE * side.asked_m:
+            return  # the other limb is of the other side
     places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
     raise FitError(
         f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",
