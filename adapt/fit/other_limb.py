@@ -92,7 +92,8 @@ def refuse_two_limbs(
     places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
     raise FitError(
         f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",
-        remedy=f"say which with `--near X Y Z` or a region, or `--anatomy {mirrored_name(body.anatomy.name)}`",
+        remedy=f"say which with `--near X Y Z` or a region, with `--anatomy {mirrored_name(body.anatomy.name)}`, "
+        "or, where both go through the same places, with first poses of the one that is meant",
     )
 
 

@@ -103,7 +103,7 @@ def adapt_recording(
         progress("choosing example poses")
         body, usable, others, again = _choose(body, usable, sample, poses)
         doubted |= again
-    side = _asked_side(body, usable, lost, recording, sample, progress)
+    side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
     adaptation, usable, left_out = _adapted(body, usable, others, lost, recording, progress)
     refuse_what_nobody_is(adaptation.body, recording.path)
     settings = {
@@ -126,14 +126,20 @@ def _asked_side(
     recording: Recording,
     sample: SkinSample,
     progress: Progress,
+    *,
+    chosen: bool,
 ) -> SideEvidence | None:
-    """How well the example poses tell the asked side's limb from the other's, and from a second limb in sight."""
+    """How well the example poses tell the asked side's limb from the other's, and from a second limb in sight.
+
+    Which of two limbs is meant is only asked where nobody has ``chosen`` it by a first pose.
+    """
     progress("which side, and which limb")
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = overall_size(body)
     side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
     try:
-        refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)
+        if not chosen:
+            refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)
     except FitError as error:
         raise FitError(error.problem, where=recording.path, remedy=error.remedy) from error
     refuse_neither_side(side, body.anatomy, targets, where=recording.path)
