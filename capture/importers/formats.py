@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from capture.bounded import read_head
 from capture.errors import RecordingError
 from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, text_images
 from capture.importers.disparity import converted
@@ -120,12 +121,7 @@ def recognised(path: Path, pattern: str | None = None) -> Format:
         if found is None:
             raise RecordingError("is an empty folder", where=path, remedy="name the folder of the depth images")
         return found
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
+    head = read_head(path, _HEAD_BYTES)
     for format in FORMATS:
         if format.head and head.startswith(format.head):
             return format
@@ -159,7 +155,4 @@ def _of_files(folder: Path, pattern: str) -> Format:
 
 
 def _is_table(file: Path) -> bool:
-    if not file.is_file():
-        return False
-    with file.open("rb") as opened:
-        return text_images.is_table(opened.read(_HEAD_BYTES))
+    return file.is_file() and text_images.is_table(read_head(file, _HEAD_BYTES))
