@@ -103,7 +103,7 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
     if path.is_file() and not chosen.files:
         raise RecordingError("is a file", where=path, remedy=f"a recording laid out like {chosen.name} is a folder")
     source = chosen.open(path, stated)
-    source = converted(source) if stated.disparity else source
+    source = converted(source, path) if stated.disparity else source
     # A file that says itself that its images are mirrored has been turned back by its reader, which is once enough.
     return unmirrored(source, path) if stated.mirrored and not source.sensor.mirrored else source
 
