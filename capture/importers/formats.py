@@ -8,7 +8,17 @@ from pathlib import Path
 
 from capture.bounded import read_head
 from capture.errors import RecordingError
-from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, text_images
+from capture.importers import (
+    azure_kinect,
+    clouds,
+    datasets,
+    images,
+    openni,
+    realsense_bag,
+    realsense_db3,
+    realsense_snapshots,
+    text_images,
+)
 from capture.importers.disparity import converted
 from capture.importers.mirror import unmirrored
 from capture.importers.names import natural_order
@@ -56,6 +66,7 @@ FORMATS = (
     Format("openni", openni.open_oni, head=b"NI10", suffixes=(".oni",)),
     Format("tum", datasets.open_tum, is_folder=datasets.is_tum),
     Format("redwood", datasets.open_redwood, is_folder=datasets.is_redwood),
+    Format("realsense-snapshots", realsense_snapshots.open_snapshots, is_folder=realsense_snapshots.is_snapshots),
     Format("clouds", clouds.open_clouds, suffixes=(".ply", ".pcd"), is_folder=clouds.is_clouds),
     Format(
         "png",
@@ -74,6 +85,9 @@ FORMATS = (
     Format("raw", images.open_raw, is_folder=lambda folder: any(folder.iterdir())),
 )
 """In the order of trying; ``raw`` is whatever nothing else is."""
+
+_TOLD_BY_OTHER_FILES = (datasets.is_tum, datasets.is_redwood, realsense_snapshots.is_snapshots)
+"""Folders whose images are told by files that are none, so that a pattern for images does not say what they are."""
 
 _BY_NAME = {format.name: format for format in FORMATS}
 
@@ -114,7 +128,7 @@ def recognised(path: Path, pattern: str | None = None) -> Format:
     Raises:
         RecordingError: an empty folder, or a file whose content is not what its suffix says.
     """
-    if path.is_dir() and pattern is not None and not (datasets.is_tum(path) or datasets.is_redwood(path)):
+    if path.is_dir() and pattern is not None and not any(told(path) for told in _TOLD_BY_OTHER_FILES):
         return _of_files(path, pattern)
     if path.is_dir():
         found = next((format for format in FORMATS if format.is_folder and format.is_folder(path)), None)
