@@ -142,6 +142,7 @@ _FORMAT_NAMES = (
     "openni",
     "tum",
     "redwood",
+    "realsense-snapshots",
     "clouds",
     "png",
     "pgm",

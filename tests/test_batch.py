@@ -188,6 +188,15 @@ def test_processes_that_are_all_paused_are_not_waited_for() -> None:
     track.batch.run._refuse_if_paused(PausedCluster("paused", "paused", executing=1))  # they end what they began
 
 
+def test_the_processes_of_a_machine_share_its_memory_whatever_its_cores() -> None:
+    """Dask's own choice; were it a core's part for each, many processes would be allowed more than there is."""
+    system = pytest.importorskip("distributed.system", reason="Dask is not installed (extra: batch)")
+    with track.batch.run._client(None, 3, 0) as client:
+        limits = [worker["memory_limit"] for worker in client.scheduler_info()["workers"].values()]
+    assert len(limits) == 3
+    assert 0.8 * system.MEMORY_LIMIT < sum(limits) <= system.MEMORY_LIMIT
+
+
 def test_a_batch_looks_again_and_again_while_it_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[int] = []
     monkeypatch.setattr(track.batch.run, "_LOOK_EVERY_S", 0.2)

@@ -41,6 +41,11 @@ def raw_disparity(metres):
         (4500 + 0 * METRES, r"--depth-range"),
         (raw_disparity(METRES), r"raw disparities of a Kinect.*--kinect-disparity"),
         (0 * METRES + 2047, r"raw disparities"),
+        (
+            np.where(raw_disparity(METRES) == 2047, 1023, raw_disparity(METRES)),
+            r"of 10 bits \(1023 for none\).*record mill",
+        ),
+        (raw_disparity(METRES) // 2, r"of 10 bits"),
     ],
 )
 def test_readings_of_no_use_are_refused_with_the_likely_cause(image, match, tmp_path):
@@ -53,8 +58,9 @@ def test_a_file_whose_first_images_are_empty_comes_in(tmp_path):
     assert len(images(import_recording(path, tmp_path / "rec", stated=STATED))) == 3
 
 
-def test_a_person_in_millimetres_up_to_2047_is_no_disparity(tmp_path):
-    path = folder(tmp_path, np.minimum(1000 * METRES, 2047))
+@pytest.mark.parametrize("largest", [2047, 1023])
+def test_a_person_in_millimetres_up_to_the_largest_disparity_is_none(largest, tmp_path):
+    path = folder(tmp_path, np.minimum(np.linspace(600, 2400, 48 * 64).reshape(48, 64), largest))
     assert len(images(import_recording(path, tmp_path / "rec", stated=STATED))) == 3
 
 
@@ -68,6 +74,11 @@ def test_raw_disparities_become_distances_on_request(tmp_path):
     np.testing.assert_allclose(depth[raw < 2047], METRES[raw < 2047], atol=0.009)
     # The ROS page's relation, of another origin, agrees to 2 %.
     np.testing.assert_allclose(depth[raw < 2047], 348.0 / (1090.0 - raw[raw < 2047]), rtol=0.02)
+
+
+def test_disparities_of_10_bits_are_not_converted_as_if_they_were_of_11(tmp_path):
+    stated = Stated(fx=60.0, disparity=True)
+    refused(folder(tmp_path, raw_disparity(METRES) // 2), tmp_path, r"of 10 bits.*FREENECT_DEPTH_MM", stated=stated)
 
 
 def test_the_range_that_is_stated_is_the_recordings(tmp_path):

@@ -88,6 +88,23 @@ def test_people_of_six_and_tall_ones_are_not_refused(anatomy, size):
         refuse_what_nobody_is(resized(random_body(load_anatomy(anatomy), seed), size), SOMEWHERE)
 
 
+def test_the_smallest_girl_of_six_is_not_refused(arm):
+    """WHO 2007, 72 months: girls are smaller than boys and vary more (0.990 of the smallest boy of a thousand)."""
+    refuse_what_nobody_is(resized(make_body(arm), 0.449), SOMEWHERE)
+    with pytest.raises(FitError, match="from six years on"):
+        refuse_what_nobody_is(resized(make_body(arm), 0.445), SOMEWHERE)
+
+
+def test_a_wide_pelvis_over_short_thighs_is_somebodys():
+    """ANSUR II: hips' breadth and thigh go together less than two parts of a limb do."""
+    leg = load_anatomy("lower-limb-right")
+    body = make_body(leg)
+    for pelvis in (0.7, 1.4):
+        shape = body.shape.reshape(-1, 4).copy()
+        shape[1:, 1:] += (pelvis - 1.0) * (body.affine.centres[1] - body.affine.centres[0])
+        refuse_what_nobody_is(make_body(leg, shape=shape.ravel()), SOMEWHERE)
+
+
 @pytest.mark.parametrize("size", [0.1, 0.4, 1.5, 10.0])  # centimetres for millimetres, half or twice the focal length
 def test_a_size_that_nobody_has_is_refused_by_bone_with_its_causes(arm, size):
     with pytest.raises(FitError) as refusal:

@@ -1,11 +1,15 @@
 """Whether anybody has bones of such a size: a body that came out otherwise is no person's, however well it fits.
 
 Lengths of grown-ups are those of ANSUR II (US Army 2012, 4,082 men and 1,986 women; public): means and standard
-deviations between landmarks on the skin. Children of six are taken to be grown-ups on a smaller scale: their stature
-is 116 cm with a deviation of 5 cm (WHO growth reference 2007, boys; girls are 1 cm smaller), and their limbs are as
-much shorter again as their stature is lower by its share of leg (0.45 at six, 0.48 grown up). Three assumptions go
-with that: the template's bones are the average man's within 7 %, the distance between two joints' centres varies as
-that between the landmarks on the skin does, and a bone is told to a few per cent by the fit: together _ALLOWED.
+deviations between landmarks on the skin, computed from its table of persons. Children of six are taken to be grown-ups
+on a smaller scale: their stature is 115.1 cm with a deviation of 5.1 cm (WHO growth reference 2007, height for age at
+72 months, girls: M 115.1244 cm, S 0.04447; boys are 0.8 cm taller and vary less), and their limbs are as much shorter
+again as their stature is lower by its share of leg, stature less sitting height: 0.477 in men (ANSUR II), 0.45 at six.
+
+Assumptions go with that: 0.45 lies between two surveys of which only tables at second hand were at hand (0.446 in
+Snyder and others 1977, 0.459 in Fredriks and others 2005); an arm is shorter by the share that a leg is; the template's
+bones are the average man's within 7 %, the distance between two joints' centres varies as that between the landmarks on
+the skin does, and a bone is told to a few per cent by the fit: together _ALLOWED.
 """
 
 from __future__ import annotations
@@ -25,9 +29,14 @@ from capture.errors import FitError
 
 _DEVIATIONS = 3.29  # of a normal distribution, either way: 99.9 % lie within
 _ALLOWED = 1.18
-_CHILD = (1160.0 - _DEVIATIONS * 50.0) / 1756.2 * 0.45 / 0.48  # the smallest of six against the average man, in limbs
-_NEIGHBOURS = 1.13 * 1.22  # forearm and upper arm agree within 1.13 (ANSUR II: they correlate by 0.7); as _ALLOWED
-_LEAST_GIRTH, _LARGEST_GIRTH = 0.45, 1.5  # a joint's scale; thickness varies more than length
+_CHILD = 1151.24 * (1.0 - _DEVIATIONS * 0.04447) / 1756.2 * 0.45 / 0.477
+"""The smallest girl of six against the average man, in limbs."""
+_NEIGHBOURS = 1.19 * _ALLOWED
+"""How far two neighbours' ratio may be from the template's. ANSUR II, 99.9 % of people of one sex: thigh and
+shank 1.19, forearm and upper arm 1.17, hand and forearm 1.17, shank and foot 1.16."""
+_PELVIS_AND_THIGH = 1.35 * _ALLOWED
+"""The same of a pelvis and a thigh: 1.35 (women; men 1.29)."""
+_LEAST_GIRTH, _LARGEST_GIRTH = 0.44, 1.5  # a joint's scale; assumed: thickness varies more than length
 
 _REMEDY = (
     "likely causes, first things first: depth in another unit, a wrong focal length, the other side's anatomy, "
@@ -56,8 +65,8 @@ class _Measure:
 _UPPER_ARM = _Measure(311.2, 17.2, 335.2, 17.5)  # acromion to radiale
 _FOREARM = _Measure(241.3, 15.2, 267.9, 15.4)  # radiale to stylion
 _HAND = _Measure(181.1, 10.1, 193.3, 10.0)
-_THIGH = _Measure(407.6, 24.2, 432.7, 27.6)  # trochanterion to tibiale: heights that correlate by 0.9
-_SHANK = _Measure(375.0, 23.5, 395.3, 24.5)  # tibiale to lateral malleolus: heights that correlate by 0.4 to 0.5
+_THIGH = _Measure(407.6, 23.9, 432.7, 27.6)  # trochanterion to tibiale, of each person
+_SHANK = _Measure(375.0, 23.5, 395.3, 24.5)  # tibiale to lateral malleolus, of each person
 _FOOT = _Measure(246.3, 12.4, 271.2, 13.1)
 _PELVIS = _Measure(273.3, 22.3, 275.4, 17.5)  # between the iliac crests
 _STATURE = _Measure(1628.5, 64.2, 1756.2, 68.6)  # of bones that have no measure of their own
@@ -114,11 +123,12 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
         )
     for one, other in pairwise(bones):
         ratio = (one.length_m / one.template_m) / (other.length_m / other.template_m)
-        if max(ratio, 1.0 / ratio) > _NEIGHBOURS and {one.bone, other.bone} <= _MEASURES.keys():
+        allowed = _PELVIS_AND_THIGH if "pelvis" in (one.bone, other.bone) else _NEIGHBOURS
+        if max(ratio, 1.0 / ratio) > allowed and {one.bone, other.bone} <= _MEASURES.keys():
             usual = one.template_m / other.template_m
             raise FitError(
                 f"the {one.bone} came out {_mm(one.length_m)} mm long and the {other.bone} {_mm(other.length_m)} mm, "
-                f"{ratio * usual:.2f} to 1; people have {usual / _NEIGHBOURS:.2f} to {usual * _NEIGHBOURS:.2f} to 1",
+                f"{ratio * usual:.2f} to 1; people have {usual / allowed:.2f} to {usual * allowed:.2f} to 1",
                 where=where,
                 remedy="the limb is probably laid along something else, or a part of it was never seen: narrow the "
                 "region, choose other frames, or give first poses",

@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from capture.bounded import read_at_most
 from capture.errors import CalibrationError
 from capture.rigid import Floats, inverse, transform
 
@@ -54,14 +55,7 @@ def read_extrinsics(file: Path, names: Sequence[str]) -> dict[str, Floats]:
 
 def _matrices(file: Path) -> Mapping[str, Any]:
     """Label and values of each matrix in a file."""
-    try:
-        with file.open("rb") as opened:
-            data = opened.read(_LARGEST_FILE + 1)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise CalibrationError(problem, where=file, remedy="check the file and its permissions") from error
-    if len(data) > _LARGEST_FILE:
-        raise _fail(file, f"is larger than {_LARGEST_FILE} bytes")
+    data = read_at_most(file, _LARGEST_FILE, remedy=_REMEDY, error=CalibrationError)
     try:
         text = data.decode("utf-8-sig").strip()
         if text.startswith("%YAML"):

@@ -17,6 +17,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from capture.bounded import read_at_most
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.images import source_files
@@ -31,6 +32,7 @@ _COLOUR_FOLDERS = ("color", "image", "rgb", "colour")
 _LENGTH_AGREES = 0.1
 _LARGEST_TEXT = 2**24
 _LARGEST_COLOUR = 2**26
+_LAYOUT = "name a folder that holds what its layout says"
 
 Timed = list[tuple[Path, float]]
 
@@ -131,13 +133,13 @@ def _frames(depth: Timed, colour: Timed, camera: Camera) -> Frames:
     for file, time_s in depth:
         yield DepthFrame(time_s, depth_png.read_readings(file, width=camera.width, height=camera.height))
     for file, time_s in colour:
-        yield ColourFrame(time_s, _read(file, _LARGEST_COLOUR))
+        yield ColourFrame(time_s, read_at_most(file, _LARGEST_COLOUR, remedy=_LAYOUT))
 
 
 def _listed(folder: Path, name: str) -> Timed:
     """The images that a list names: lines of a time (s) and a file inside the folder; # begins a comment."""
     try:
-        text = _read(folder / name, _LARGEST_TEXT).decode("utf-8")
+        text = read_at_most(folder / name, _LARGEST_TEXT, remedy=_LAYOUT).decode("utf-8")
     except UnicodeDecodeError as error:
         raise RecordingError(
             "is not a list of images (it is not text)", where=folder / name, remedy="each line must be 'time file'"
@@ -176,23 +178,9 @@ def _line(folder: Path, name: str, number: int, line: str) -> tuple[Path, float]
     return folder / relative, time_s
 
 
-def _read(file: Path, largest: int) -> bytes:
-    try:
-        with file.open("rb") as opened:
-            data = opened.read(largest + 1)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise RecordingError(problem, where=file, remedy="check the file and its permissions") from error
-    if len(data) > largest:
-        raise RecordingError(
-            f"is larger than {largest} bytes", where=file, remedy="name a folder that holds what its layout says"
-        )
-    return data
-
-
 def _json(file: Path) -> Checked:
     try:
-        value = json.loads(_read(file, _LARGEST_TEXT))
+        value = json.loads(read_at_most(file, _LARGEST_TEXT, remedy=_LAYOUT))
     except (ValueError, RecursionError) as error:
         raise RecordingError(f"is not valid JSON ({error})", where=file, remedy="state the camera with --fx") from error
     if not isinstance(value, dict):

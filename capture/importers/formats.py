@@ -6,8 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from capture.bounded import read_head
 from capture.errors import RecordingError
-from capture.importers import azure_kinect, clouds, datasets, images, openni, realsense_bag, realsense_db3, text_images
+from capture.importers import (
+    azure_kinect,
+    clouds,
+    datasets,
+    images,
+    openni,
+    realsense_bag,
+    realsense_db3,
+    realsense_snapshots,
+    text_images,
+)
 from capture.importers.disparity import converted
 from capture.importers.mirror import unmirrored
 from capture.importers.names import natural_order
@@ -55,6 +66,7 @@ FORMATS = (
     Format("openni", openni.open_oni, head=b"NI10", suffixes=(".oni",)),
     Format("tum", datasets.open_tum, is_folder=datasets.is_tum),
     Format("redwood", datasets.open_redwood, is_folder=datasets.is_redwood),
+    Format("realsense-snapshots", realsense_snapshots.open_snapshots, is_folder=realsense_snapshots.is_snapshots),
     Format("clouds", clouds.open_clouds, suffixes=(".ply", ".pcd"), is_folder=clouds.is_clouds),
     Format(
         "png",
@@ -73,6 +85,9 @@ FORMATS = (
     Format("raw", images.open_raw, is_folder=lambda folder: any(folder.iterdir())),
 )
 """In the order of trying; ``raw`` is whatever nothing else is."""
+
+_TOLD_BY_OTHER_FILES = (datasets.is_tum, datasets.is_redwood, realsense_snapshots.is_snapshots)
+"""Folders whose images are told by files that are none, so that a pattern for images does not say what they are."""
 
 _BY_NAME = {format.name: format for format in FORMATS}
 
@@ -102,7 +117,7 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
     if path.is_file() and not chosen.files:
         raise RecordingError("is a file", where=path, remedy=f"a recording laid out like {chosen.name} is a folder")
     source = chosen.open(path, stated)
-    source = converted(source) if stated.disparity else source
+    source = converted(source, path) if stated.disparity else source
     # A file that says itself that its images are mirrored has been turned back by its reader, which is once enough.
     return unmirrored(source, path) if stated.mirrored and not source.sensor.mirrored else source
 
@@ -113,19 +128,14 @@ def recognised(path: Path, pattern: str | None = None) -> Format:
     Raises:
         RecordingError: an empty folder, or a file whose content is not what its suffix says.
     """
-    if path.is_dir() and pattern is not None and not (datasets.is_tum(path) or datasets.is_redwood(path)):
+    if path.is_dir() and pattern is not None and not any(told(path) for told in _TOLD_BY_OTHER_FILES):
         return _of_files(path, pattern)
     if path.is_dir():
         found = next((format for format in FORMATS if format.is_folder and format.is_folder(path)), None)
         if found is None:
             raise RecordingError("is an empty folder", where=path, remedy="name the folder of the depth images")
         return found
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
+    head = read_head(path, _HEAD_BYTES)
     for format in FORMATS:
         if format.head and head.startswith(format.head):
             return format
@@ -159,7 +169,4 @@ def _of_files(folder: Path, pattern: str) -> Format:
 
 
 def _is_table(file: Path) -> bool:
-    if not file.is_file():
-        return False
-    with file.open("rb") as opened:
-        return text_images.is_table(opened.read(_HEAD_BYTES))
+    return file.is_file() and text_images.is_table(read_head(file, _HEAD_BYTES))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from capture.errors import RecordingError
-from capture.importers.disparity import looks_like_disparity
+from capture.importers.disparity import disparity_bits, of_10_bits
 from capture.importers.source import LARGEST_READING, ColourFrame, DepthFrame, Frames
 from capture.recording import Sensor
 
@@ -105,7 +105,10 @@ class Tally:
         return int(np.diff(common).min()) if len(common) > 1 else 1
 
     def _refuse_disparity(self) -> None:
-        if looks_like_disparity(self._counts):
+        bits = disparity_bits(self._counts)
+        if bits == 10:
+            raise of_10_bits(self._path)
+        if bits == 11:
             raise RecordingError(
                 "has raw disparities of a Kinect for Xbox 360 (11 bits, 2047 for none), not distances",
                 where=self._path,

@@ -120,8 +120,10 @@ def _with(camera: Camera, coefficients: Sequence[float]) -> Camera:
 def _inverted(camera: Camera, coefficients: Sequence[float], path: Path) -> Camera:
     """The forward distortion that undoes an inverse one.
 
-    The inverse model is a polynomial from pixels to rays, so the ray of each pixel is known exactly; the forward
-    model is linear in its five coefficients, so those that send all rays back to their pixels are least squares.
+    The inverse model is a polynomial from pixels to rays, as in the SDK's point cloud and its documentation (its
+    ``rs2_deproject_pixel_to_point`` bends the other way: docs/formats.md), so the ray of each pixel is known exactly;
+    the forward model is linear in its five coefficients, so those that send all rays back to their pixels are least
+    squares.
 
     Raises:
         RecordingError: some pixel is missed by more than half a pixel.

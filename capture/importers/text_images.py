@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.bounded import read_at_most
 from capture.errors import RecordingError
 from capture.importers.images import source_files, source_of
 from capture.importers.names import NamedTimes, named_times
@@ -158,14 +159,4 @@ def _pgm(file: Path) -> NDArray[np.uint16]:
 
 
 def _content(file: Path) -> bytes:
-    try:
-        with file.open("rb") as opened:
-            data = opened.read(_LARGEST_TEXT + 1)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise RecordingError(problem, where=file, remedy="check the file and its permissions") from error
-    if len(data) > _LARGEST_TEXT:
-        raise RecordingError(
-            f"is larger than {_LARGEST_TEXT} bytes", where=file, remedy="write one image into each file"
-        )
-    return data
+    return read_at_most(file, _LARGEST_TEXT, remedy="write one image into each file")

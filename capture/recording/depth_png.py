@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.bounded import read_head
 from capture.errors import RecordingError
 from capture.files import replaced_when_complete
 
@@ -43,7 +44,7 @@ def image_size(path: Path) -> tuple[int, int]:
     Raises:
         RecordingError: missing, not a PNG, not 16-bit grey, or of an impossible size.
     """
-    return _claimed_size(_bytes(path, 33), path)
+    return _claimed_size(read_head(path, 33), path)
 
 
 def read_readings(path: Path, *, width: int, height: int) -> Readings:
@@ -52,10 +53,10 @@ def read_readings(path: Path, *, width: int, height: int) -> Readings:
     Raises:
         RecordingError: missing, truncated, damaged, not 16-bit grey, or not of the size asked for.
     """
-    claimed = _claimed_size(_bytes(path, 33), path)
+    claimed = _claimed_size(read_head(path, 33), path)
     if claimed != (width, height):
         raise _other_size(claimed, (width, height), path)
-    return decode(_bytes(path, _LARGEST_OVERHEAD + 4 * width * height), width=width, height=height, where=path)
+    return decode(read_head(path, _LARGEST_OVERHEAD + 4 * width * height), width=width, height=height, where=path)
 
 
 def decode(data: bytes, *, width: int, height: int, where: Path) -> Readings:
@@ -90,15 +91,6 @@ def _other_size(claimed: tuple[int, int], wanted: tuple[int, int], path: Path) -
         where=path,
         remedy="give the camera of this very image size",
     )
-
-
-def _bytes(path: Path, count: int = -1) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(count)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise RecordingError(problem, where=path, remedy="check the file and its permissions") from error
 
 
 def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:

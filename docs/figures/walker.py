@@ -41,9 +41,10 @@ from track.view.render import Layer, framing_camera, look_at, render, save_png
 SOURCE = "gait_legs_walker"
 IMPORTING = "--fx 570 --fps 30"
 BOTH = (-0.19, -0.6, 0.6, 0.19, 0.24, 1.7)
-SIDES = {  # where each leg alone is, and the frames that it is adapted to
-    "right": ((-0.19, -0.6, 0.6, 0.015, 0.24, 1.7), "2,10,15,24,36,50"),
-    "left": ((0.005, -0.6, 0.6, 0.19, 0.24, 1.7), "4,14,24,38,48,56"),
+ALONE = {"right": (-0.19, -0.6, 0.6, 0.015, 0.24, 1.7), "left": (0.005, -0.6, 0.6, 0.19, 0.24, 1.7)}
+SIDES = {  # the frames that each leg is adapted to, and where it is tracked; the left is not found beside the right
+    "right": ("2,10,15,24,36,50", BOTH),
+    "left": ("4,14,24,38,48,56", ALONE["left"]),
 }
 POINTS = {"lower_leg": "knee", "foot": "ankle", "toe": "ball of the foot"}  # of the motion capture: what they are
 _SHOWN_FRAMES = (2, 11, 24, 40)
@@ -82,14 +83,14 @@ def commands(recordings: Path, work: Path) -> list[tuple[Path, str]]:
     """What each command writes, and the command."""
     recording = work / "walker"
     todo = [(recording, f"import '{recordings / SOURCE / 'gait_depth'}' {IMPORTING} --out '{recording}'")]
-    for side, (region, frames) in SIDES.items():
+    for side, (frames, tracked) in SIDES.items():
         subject, motion = work / f"walker-{side}.npz", work / f"walker-{side}.motion"
-        adapting = f"--anatomy lower-limb-{side} --poses 4 --frames {frames} --region {_numbers(region)}"
+        adapting = f"--anatomy lower-limb-{side} --poses 4 --frames {frames} --region {_numbers(ALONE[side])}"
         todo += [
             (subject, f"adapt '{recording}' {adapting} --out '{subject}'"),
             (
                 motion / "motion.npz",
-                f"track '{recording}' --subject '{subject}' --region {_numbers(BOTH)} --out '{motion}'",
+                f"track '{recording}' --subject '{subject}' --region {_numbers(tracked)} --out '{motion}'",
             ),
         ]
     return todo
