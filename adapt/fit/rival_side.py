@@ -99,11 +99,11 @@ def refuse_neither_side(
     if apart_m <= most_m:
         return
     raise FitError(
-        f"no fit of {anatomy.name}, nor of its mirror image, lies on what was seen: its skin is {1e3 * apart_m:.1f} mm "
-        f"off, patch by patch, and a limb's at most {1e3 * most_m:.1f} mm",
+        f"neither {anatomy.name} nor its mirror image, in the poses found, lies on what was seen: the skin is "
+        f"{1e3 * apart_m:.1f} mm off, patch by patch, and a limb's at most {1e3 * most_m:.1f} mm",
         where=where,
-        remedy="is somebody or something else beside the limb, or over it? Say where the limb alone is with "
-        "`--near X Y Z` or `--region X0 Y0 Z0 X1 Y1 Z1`, and check unit and focal length",
+        remedy=f"is it {mirrored_name(anatomy.name)}? Is somebody or something else beside the limb, or over it? Say "
+        "where the limb alone is with `--near X Y Z` or `--region X0 Y0 Z0 X1 Y1 Z1`; check unit and focal length",
     )
 
 
