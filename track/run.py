@@ -33,6 +33,7 @@ from track.export.osim_motion import with_coupled
 from track.export.quality_table import write_quality
 from track.first_look import refuse_a_stranger, refuse_two_limbs
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
+from track.out_of_step import in_step
 from track.poses_by_hand import HandPose
 from track.settings import Settings, settings_of
 from track.shown import known_thetas
@@ -95,7 +96,7 @@ def track_recording(
     work = _Work(tracker, recording, region, moments, journal, looks_first=not (by_hand or keep_searching))
     frames = work.forward(by_hand, progress)
     frames = work.backward(frames, progress)
-    motion = _motion(subject, frames, settings)
+    motion = _motion(subject, in_step(subject.anatomy, frames), settings)
     write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
     journal.remove()
     return motion
@@ -261,6 +262,7 @@ def _frame(entry: dict[str, Any]) -> TrackedFrame:
         matches=entry["matches"],
         lost=entry["lost"],
         how=entry["how"],
+        late=np.array(entry["late"], dtype=np.float64).reshape((len(entry["late"]),) * 2),
     )
 
 

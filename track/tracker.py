@@ -18,6 +18,7 @@ from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
 from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
 from adapt.fit.never_seen import skin_of, without
+from adapt.fit.other_limb import on_its_side
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import score_pose
@@ -26,6 +27,7 @@ from adapt.fit.untold import towards_rest
 from adapt.model.body import Body
 from adapt.subject import Subject
 from capture.errors import FitError
+from track.out_of_step import late_lever
 from track.prediction import pose_difference, predict, unsure_where_unknown
 from track.search import look_of, looks_changed
 from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen
@@ -53,7 +55,8 @@ FOLLOWED, FOUND, BY_HAND, BACKWARD = "followed", "found", "by hand", "backward"
 class TrackedFrame:
     """One frame: pose (n,), covariance (n, n), which bones show (B,), and quality; ``lost`` is the reason, or empty.
 
-    Of a tracked frame the pose is whole, coordinates of bones that do not show are guessed.
+    Of a tracked frame the pose is whole, coordinates of bones that do not show are guessed. ``late`` is the lever
+    (n, n) (s) of sensors that did not look at once (``track.out_of_step``), (0, 0) where all did.
     """
 
     time_s: float
@@ -66,6 +69,7 @@ class TrackedFrame:
     matches: int
     lost: str
     how: str = FOLLOWED
+    late: Floats = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,7 @@ class Tracker:
         body = self.subject.body
         try:
             start = locate(body, target, self.sample, list(self.subject.thetas), good_m=self.good_m)
+            start, _ = on_its_side(body, target, start, self.sample)
             fit = _settled(body, target, start.fit.theta, self.sample)
         except FitError as error:
             return _lost(self.subject.anatomy, time_s, error.problem), None
@@ -262,7 +267,8 @@ class Tracker:
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
         covariance = unsure_where_unknown(anatomy, pose_covariance(self.subject, fit, self.sample), time_s - known_s)
         quality = (fit.residual_m, found.whole.skin_m, found.whole.coverage, len(fit.matches))
-        return TrackedFrame(time_s, theta, covariance, shown, *quality, lost), known_s
+        frame = TrackedFrame(time_s, theta, covariance, shown, *quality, lost)
+        return frame if lost else replace(frame, late=late_lever(self.subject.body, target, fit, self.sample)), known_s
 
 
 def _search_is_due(state: TrackerState) -> bool:

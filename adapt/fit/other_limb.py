@@ -14,6 +14,7 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
 from adapt.fit.judge import ADAPTED, judge_fit, shows, unexplained_points
+from adapt.fit.own_side import keeps_to_its_side, lies_on_its_side
 from adapt.fit.rival_side import TOLD, SideEvidence, compare_sides
 from adapt.fit.sample import SkinSample
 from adapt.fit.score import ScoredPose, find_skin
@@ -57,12 +58,29 @@ def other_limb(
     return (rest, pose) if sound and not skin.reason and whole.in_sight > _LEAST_IN_SIGHT else None
 
 
+def on_its_side(body: Body, target: Target, pose: ScoredPose, sample: SkinSample) -> tuple[ScoredPose, bool]:
+    """The pose of a leg, or of the other one in the same cloud where that lies on the asked side; whether that tells.
+
+    Of limbs that do not keep to their side, and of one alone, nothing is told.
+    """
+    if not keeps_to_its_side(body.anatomy):
+        return pose, False
+    second = other_limb(body, target, pose.fit.theta, sample)
+    on_side = None if second is None else lies_on_its_side(body, pose.fit.theta, second[1].fit.theta)
+    if second is None or on_side is not False:
+        return pose, bool(on_side)
+    swapped = try_pose(body, target, sample, second[1].fit.theta)
+    return (pose, False) if swapped is None else (swapped, True)
+
+
 def limbs_that_could_be_meant(
     body: Body, target: Target, theta: Floats, sample: SkinSample, *, most_worse: float
 ) -> tuple[str, str] | None:
     """Where the limb at ``theta`` (n,) is and where a second one like it, in words; None where there is none."""
     second = other_limb(body, target, theta, sample, most_worse=most_worse)
-    return None if second is None else (_said(_middle(body, theta)), _said(_middle(body, second[1].fit.theta)))
+    if second is None or _told_by_place(body, theta, second[1].fit.theta):
+        return None
+    return (_said(_middle(body, theta)), _said(_middle(body, second[1].fit.theta)))
 
 
 def refuse_two_limbs(
@@ -85,6 +103,8 @@ def refuse_two_limbs(
     if second is None:
         return
     rest, pose = second
+    if _told_by_place(body, thetas[k], pose.fit.theta):
+        return
     if side is not None and side.told:
         theirs = compare_sides(body.anatomy, [rest], pose.fit.theta[None], scale=scale)
         if theirs is not None and theirs.support < -TOLD and theirs.other_m < _ALIKE * side.asked_m:
@@ -95,6 +115,11 @@ def refuse_two_limbs(
         remedy=f"say which with `--near X Y Z` or a region, with `--anatomy {mirrored_name(body.anatomy.name)}`, "
         "or, where both go through the same places, with first poses of the one that is meant",
     )
+
+
+def _told_by_place(body: Body, theta: Floats, other: Floats) -> bool:
+    """Whether the limb at ``theta`` (n,) is told from the ``other`` by lying on its side of it."""
+    return keeps_to_its_side(body.anatomy) and lies_on_its_side(body, theta, other) is True
 
 
 def _only(cloud: Cloud, chosen: np.ndarray) -> Cloud:

@@ -19,7 +19,7 @@ from adapt.fit.examples import choose_examples, landmarks_shown
 from adapt.fit.found import FoundPoses
 from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
-from adapt.fit.other_limb import refuse_two_limbs
+from adapt.fit.other_limb import on_its_side, refuse_two_limbs
 from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit, fit_pose
@@ -51,6 +51,7 @@ class _Candidate:
     instant: Instant
     target: Target = field(repr=False)
     pose: ScoredPose = field(repr=False)
+    beside: bool = False  # whether it lies on its side of another limb in sight
 
 
 def adapt_recording(
@@ -103,6 +104,8 @@ def adapt_recording(
         progress("choosing example poses")
         body, usable, others, again = _choose(body, usable, sample, poses)
         doubted |= again
+    if not known:
+        usable, others = ([_on_its_side(body, one, sample) for one in some] for some in (usable, others))
     side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
     adaptation, usable, left_out = _adapted(body, usable, others, lost, recording, progress)
     refuse_what_nobody_is(adaptation.body, recording.path)
@@ -137,6 +140,7 @@ def _asked_side(
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = overall_size(body)
     side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
+    side = None if side is None else replace(side, beside=sum(c.beside for c in used))
     try:
         if not chosen:
             refuse_two_limbs(body, targets, thetas, side, sample, scale=scale)
@@ -145,6 +149,12 @@ def _asked_side(
     refuse_neither_side(side, body.anatomy, targets, where=recording.path)
     refuse_the_other_side(side, body.anatomy, where=recording.path)
     return side
+
+
+def _on_its_side(body: Body, candidate: _Candidate, sample: SkinSample) -> _Candidate:
+    """The candidate, posed in the leg on the asked side where both of a person's are in sight."""
+    pose, beside = on_its_side(body, candidate.target, candidate.pose, sample)
+    return replace(candidate, pose=pose, beside=beside)
 
 
 def _adapted(
@@ -229,7 +239,7 @@ def _posed_again(body: Body, candidate: _Candidate, starts: list[_Candidate], sa
     found = [pose for pose in tried if pose is not None]
     if not found:
         return candidate
-    return _Candidate(candidate.instant, candidate.target, min(found, key=lambda pose: pose.badness_m))
+    return replace(candidate, pose=min(found, key=lambda pose: pose.badness_m))
 
 
 def _wanted(

@@ -45,6 +45,8 @@ _MOST_M = 0.01  # a part that goes astray counts as this far off, however far it
 _MOST_APART_M = 0.0025  # patches of bare skin lie within 1.6 mm of what sensors see up to _NEAR_M away, wrong fits 3 mm
 _NEAR_M = 2.2
 
+_BESIDE_NATS, _MOST_BESIDE_NATS = 3.0, 12.0  # a step crosses over in fewer than one pose of twenty; steps repeat
+
 TOLD = 15.0
 """Support (nats) from which on a side is told: the thresholds' half of the situations in docs/field-trials.md."""
 
@@ -54,18 +56,21 @@ class SideEvidence:
     """How well the asked side and the other one explain the same clouds.
 
     ``asked_m`` and ``other_m`` are the standard deviations (m) of patches of skin from the clouds, ``patches`` how many
-    distinct ones were seen, ``prior`` how much likelier (nats) the asked side's proportions are than the other's.
+    distinct ones were seen, ``prior`` how much likelier (nats) the asked side's proportions are than the other's,
+    ``beside`` in how many poses the limb lies on its side of another one in sight (``own_side``).
     """
 
     asked_m: float
     other_m: float
     patches: int
     prior: float
+    beside: int = 0
 
     @property
     def support(self) -> float:
         """How much likelier (nats) the asked side makes what was seen; negative where the other side does."""
-        return float(self.patches * np.log(self.other_m / self.asked_m) + self.prior)
+        placed = min(_BESIDE_NATS * self.beside, _MOST_BESIDE_NATS)
+        return float(self.patches * np.log(self.other_m / self.asked_m) + self.prior + placed)
 
     @property
     def told(self) -> bool:

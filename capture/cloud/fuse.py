@@ -29,12 +29,16 @@ SPACING_M = 0.0075
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one sensor saw but for floor and walls: its depth image (H, W) (m, 0 = none), where it stands (4, 4)."""
+    """What one sensor saw but for floor and walls: its depth image (H, W) (m, 0 = none), where it stands (4, 4).
+
+    ``late_s`` is how long after the instant it looked.
+    """
 
     sensor: str
     camera: Camera
     world_from_sensor: Floats
     depth: Image
+    late_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +159,8 @@ def _view(recording: Recording, instant: Instant, name: str) -> View:
     sensor = recording.sensor(name)
     depth = clean_depth(read_depth(sensor, instant.frames[name]), sensor.camera)
     depth = without_planes(depth, sensor.camera, background_planes(recording)[name])
-    return View(name, sensor.camera, world_from_sensor(recording, name), depth)
+    late_s = instant.frames[name].time_s - instant.time_s
+    return View(name, sensor.camera, world_from_sensor(recording, name), depth, late_s)
 
 
 def pixels_inside(view: View, region: Region) -> tuple[Pixels, Floats, Mask]:

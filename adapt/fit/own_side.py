@@ -1,0 +1,43 @@
+"""Which of a person's two legs is the right one: the right one is on the right.
+
+Shank and foot alone hardly tell their side, and where both legs are in view a search takes either. But toes point
+forward and the knee bends back, so a leg tells where its person's right is, whichever side it is taken for; and as legs
+do not pass through each other, the other leg of the same person lies on its own side of it. Arms cross, so of them
+nothing follows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.body import Body, bone_transforms, pose_skin
+
+_SHANK, _LOWER = "tibia", ("tibia", "foot")
+_APART_M = (0.03, 0.5)  # legs nearer than that cross, those farther apart may be two people's
+_SAME_WAY = 0.7  # cosine between the two legs' right: the legs of one person face the same way
+
+
+def keeps_to_its_side(anatomy: Anatomy) -> bool:
+    """Whether a limb stays on its own side of the other one of the same person."""
+    return any(bone.name == _SHANK for bone in anatomy.bones)
+
+
+def lies_on_its_side(body: Body, theta: Floats, other: Floats) -> bool | None:
+    """Whether the leg at ``theta`` (n,) is on its side of the one at ``other`` (n,); None where that cannot be told."""
+    right, rights = _right(body, theta), _right(body, other)
+    apart = (_lower_leg(body, theta) - _lower_leg(body, other)) @ (right + rights) / 2.0
+    if right @ rights < _SAME_WAY or not _APART_M[0] < abs(apart) < _APART_M[1]:
+        return None
+    return bool((apart > 0.0) == (body.anatomy.side == "right"))
+
+
+def _right(body: Body, theta: Floats) -> Floats:
+    """Where the person's right is (3,), by the shank: the third axis of the rest pose."""
+    return np.asarray(bone_transforms(body, theta)[_SHANK][:3, 2])
+
+
+def _lower_leg(body: Body, theta: Floats) -> Floats:
+    """The middle (3,) m of shank and foot."""
+    riding = body.skin_riding[:, [bone.name in _LOWER for bone in body.anatomy.bones]].sum(axis=1)
+    return np.asarray(np.average(pose_skin(body, theta), axis=0, weights=riding))
