@@ -80,6 +80,11 @@ def table_of(columns: Sequence[str]) -> Mark:
     return Mark(re.compile(rb"\A%b\r?\n" % re.escape(",".join(columns).encode())))
 
 
+def page_of(text: str) -> Mark:
+    """The mark of pages and tables in Markdown: the first line is that of the text which is to be written."""
+    return Mark(re.compile(rb"\A%b\r?(\n|\Z)" % re.escape(text.partition("\n")[0].encode())))
+
+
 PNG = words("tEXtSoftware\0bonetrack")
 """The mark of images that ``marked_png`` made."""
 

@@ -16,7 +16,7 @@ from adapt.anatomy import load_anatomy
 from adapt.run import adapt_into, journal_path
 from adapt.subject import save_subject
 from capture.errors import OutputError
-from capture.own import PNG, arrays_of, json_of, marked_png, refuse_foreign, replaced_if_own, table_of, words
+from capture.own import PNG, arrays_of, json_of, marked_png, page_of, refuse_foreign, replaced_if_own, table_of, words
 from capture.recording import RecordingWriter, Sensor, open_recording
 from tests.known_limb import ANATOMY, KnownLimb
 from tests.known_motion import known_motion, reported_subject
@@ -25,8 +25,10 @@ from tests.test_recording import CAMERA
 from track.batch.items import Item
 from track.batch.run import TABLE, run_batch
 from track.batch.work import Row
+from track.demo import _draw
 from track.poses_by_hand import write_poses
 from track.run import track_recording, write_motion_folder
+from track.view.render import save_png
 
 REMEDY = "move it away, or give another"
 
@@ -316,6 +318,14 @@ def test_a_recording_is_not_replaced_where_a_file_of_others_is_in_the_way(tmp_pa
     assert contents(path) == before
 
 
+def test_a_page_is_replaced_by_one_of_the_same_title(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# How fast\n\nold\n")
+    assert page_of("# How fast\n\nnew\n").is_on(page)
+    assert not page_of("# How fast it was\n").is_on(page)
+    assert not page_of("# How\n").is_on(page)
+
+
 def test_marks_tell_own_files_by_a_few_kilobytes(tmp_path: Path) -> None:
     late = tmp_path / "late.txt"
     late.write_bytes(b" " * 20_000 + b"written by bonetrack")
@@ -351,3 +361,19 @@ def test_what_is_no_plain_file_is_not_replaced(tmp_path: Path) -> None:
         pytest.fail("would have been written")
     with pytest.raises(OutputError, match="null"):
         refuse_foreign(Path("/dev/null"), PNG)
+
+
+def test_pictures_bear_the_mark_and_the_demo_keeps_those_of_others(
+    limb: KnownLimb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion, recording = known_motion(limb), limb.recording
+    monkeypatch.setattr("track.demo.picture_fit", lambda *told, **_: save_png(np.zeros((4, 4, 3), np.uint8), told[3]))
+    for _ in range(2):
+        pictures = _draw(recording, limb.subject, motion, tmp_path)
+        assert len(pictures) > 1
+        assert all(PNG.is_on(path) for path in pictures)
+    by_another(pictures[-1])
+    before = pictures[-1].read_bytes()
+    with pytest.raises(OutputError, match=pictures[-1].name):
+        _draw(recording, limb.subject, motion, tmp_path)
+    assert pictures[-1].read_bytes() == before

@@ -18,7 +18,7 @@ from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import fuse
 from capture.console import stdout
 from capture.errors import RecordingError
-from capture.own import PNG, refuse_any_foreign
+from capture.own import PNG, refuse_any_foreign, refuse_foreign
 from capture.recording import Recording, instants, open_recording
 from capture.recording.types import CALIBRATION_FILE
 from track.commands import print_motion
@@ -117,5 +117,6 @@ def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> 
     for number in tracked[np.linspace(0, len(tracked) - 1, min(_PICTURES, len(tracked))).astype(int)]:
         cloud = fuse(recording, moments[number])
         written.append(out / f"fit_{number:04d}.png")
+        refuse_foreign(written[-1], PNG)
         picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=motion.shown[number])
     return written

@@ -165,6 +165,7 @@ class HandPanel:
     def _undo_fit(self) -> None:
         if self._before_fit is not None and self._before_fit[0] == self._frame():
             self._set(self._before_fit[1])
+            self._note(self._frame())
             self._forget_fit()
             self._changed()
 

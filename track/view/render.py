@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from adapt.anatomy import Floats, Ints
 from capture._open3d import open3d
 from capture.camera import Camera, project
-from capture.own import PNG, marked_png, replaced_if_own
+from capture.files import replaced_when_complete
+from capture.own import marked_png
 from capture.rigid import apply, inverse, transform
 
 SKIN, BONE, CLOUD = (0.87, 0.66, 0.55), (0.96, 0.94, 0.86), (0.10, 0.35, 0.75)
@@ -73,15 +74,11 @@ def render(
 
 
 def save_png(image: NDArray[np.uint8], path: Path) -> None:
-    """Write an RGB image (H, W, 3) as PNG.
-
-    Raises:
-        OutputError: something stands there that bonetrack did not write.
-    """
+    """Write an RGB image (H, W, 3) as PNG with the mark of ``capture.own``."""
     import cv2
 
     _, encoded = cv2.imencode(".png", image[:, :, ::-1])
-    with replaced_if_own(path, PNG) as partial:
+    with replaced_when_complete(path) as partial:
         partial.write_bytes(marked_png(encoded.tobytes()))
 
 
