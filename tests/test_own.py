@@ -305,6 +305,15 @@ def test_of_a_recording_that_is_replaced_only_its_own_files_go(tmp_path: Path) -
     assert set(contents(path)) == own | set(mine)
 
 
+@pytest.mark.parametrize("source", ["left", "."])
+def test_a_recording_is_not_replaced_by_what_is_read_from_it(tmp_path: Path, source: str) -> None:
+    records(tmp_path / "rec", "left")
+    before = contents(tmp_path / "rec")
+    command = ("import", tmp_path / "rec" / source, "--fx", 60, "--out", tmp_path / "rec", "--overwrite")
+    fails(*command, saying="lies in the folder that is to be written")
+    assert contents(tmp_path / "rec") == before
+
+
 @pytest.mark.parametrize("name", ["right/000000.png", "right/frames.csv", "truth.npz", "calibration.json"])
 def test_a_recording_is_not_replaced_where_a_file_of_others_is_in_the_way(tmp_path: Path, name: str) -> None:
     path = tmp_path / "rec"
