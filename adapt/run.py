@@ -6,17 +6,18 @@ First poses, the longest part, are lines of a journal beside the subject's file 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from glob import escape
 from pathlib import Path
 
 from adapt.anatomy import Anatomy, Floats, anatomy_arrays
 from adapt.fit.alternate import Progress
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
-from adapt.subject import Subject, save_subject
+from adapt.subject import MARK, Subject, save_subject
 from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from capture.files import remove_left_over
+from capture.journal import MARK as JOURNAL_MARK
 from capture.journal import journal_key, resume_journal
+from capture.own import refuse_any_foreign
 from capture.recording import Recording
 
 
@@ -34,10 +35,12 @@ def adapt_into(
     """``adapt_recording`` with its result written to the file ``out``, and resumed after a kill.
 
     Raises:
+        OutputError: something stands in the place of ``out`` that is no subject.
         FitError, CloudError, RecordingError, CalibrationError: see ``adapt_recording``.
     """
+    refuse_any_foreign({out: MARK, journal_path(out): JOURNAL_MARK})  # told before the work, not after it
     out.parent.mkdir(parents=True, exist_ok=True)
-    remove_left_over(out.parent, f".{escape(out.stem)}.*partial-*")
+    remove_left_over(out.parent, [out.name, journal_path(out).name])
     key = _key(recording, anatomy, f"{poses} {frames}", first_poses or {}, region or recording.region)
     journal = resume_journal(journal_path(out), key)
     try:

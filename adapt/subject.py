@@ -14,9 +14,11 @@ from adapt.fit.priors import overall_size
 from adapt.model.body import Body, make_body
 from adapt.tissue import MODES
 from capture.errors import AnatomyError
-from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
+from capture.files import UNREADABLE, read_arrays, unreadable
+from capture.own import arrays_of, replaced_if_own
 
 FORMAT = "bonetrack-subject"
+MARK = arrays_of(FORMAT)
 SMALL = 0.75
 """Size against the template below which what is stated was found to be too sure (docs/limits.md)."""
 VERSION = 2  # 1: the covariance is that of the shape alone
@@ -66,7 +68,11 @@ def doubts(subject: Subject) -> list[str]:
 
 
 def save_subject(subject: Subject, path: Path) -> None:
-    """Write a subject as one ``.npz`` file."""
+    """Write a subject as one ``.npz`` file.
+
+    Raises:
+        OutputError: something stands there that is no subject.
+    """
     description = {
         "format": FORMAT,
         "version": VERSION,
@@ -76,7 +82,7 @@ def save_subject(subject: Subject, path: Path) -> None:
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     # An open file, because numpy adds a suffix to a name without one.
-    with replaced_when_complete(path) as partial, partial.open("wb") as file:
+    with replaced_if_own(path, MARK) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
             description=np.array(json.dumps(description)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 from rich.console import Console
@@ -12,7 +11,8 @@ _WIDE = 1000
 
 
 def _width() -> int | None:
-    return None if sys.stdout.isatty() or "COLUMNS" in os.environ else _WIDE
+    """Not by COLUMNS, which shells hand on: it tells of the terminal that the output does not go to."""
+    return None if sys.stdout.isatty() else _WIDE
 
 
 stdout = Console(width=_width())

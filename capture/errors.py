@@ -25,6 +25,10 @@ class BonetrackError(Exception):
         return f"{line}; {self.remedy}" if self.remedy else line
 
 
+class OutputError(BonetrackError):
+    """Something stands where a result is to be written that bonetrack did not write."""
+
+
 class RecordingError(BonetrackError):
     """A recording (its folder, an image, a time stamp) is not what the format asks for."""
 

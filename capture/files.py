@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -119,7 +120,14 @@ def naming(path: Path, partial: Path | None = None) -> Iterator[None]:
         raise
 
 
-def remove_left_over(folder: Path, pattern: str = ".*.partial-*") -> None:
-    """Remove what a run that was killed while it wrote left under temporary names."""
-    for left_over in folder.glob(pattern):
-        left_over.unlink(missing_ok=True)
+def left_over(folder: Path, names: Iterable[str]) -> list[Path]:
+    """What runs that were killed while they wrote files of these names left in a folder under temporary names."""
+    patterns = [f"\\.{re.escape(Path(name).stem)}\\.partial-[0-9]+{re.escape(Path(name).suffix)}" for name in names]
+    known = re.compile("|".join(patterns))
+    return [path for path in folder.iterdir() if known.fullmatch(path.name) and path.is_file()]
+
+
+def remove_left_over(folder: Path, names: Iterable[str]) -> None:
+    """Remove what runs that were killed while they wrote files of these names left under temporary names."""
+    for path in left_over(folder, names):
+        path.unlink(missing_ok=True)

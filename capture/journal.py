@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -15,8 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.files import naming, replaced_when_complete
+from capture.files import naming
+from capture.own import Mark, replaced_if_own
 from capture.recording import Recording
+
+MARK = Mark(re.compile(rb"\A[0-9a-f]{64}\n"))
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,9 @@ def resume_journal(path: Path, key: str) -> Journal:
     """The journal at ``path``; an empty one if there is none with that key.
 
     A last line that was cut short is dropped; a damaged line is dropped with all that follows.
+
+    Raises:
+        OutputError: something else than a journal stands there.
     """
     lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
     entries = []
@@ -49,7 +56,7 @@ def resume_journal(path: Path, key: str) -> Journal:
                 entries.append(json.loads(line))
             except ValueError:
                 break
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, MARK) as partial:
         partial.write_text("\n".join([key, *lines[1 : 1 + len(entries)]]) + "\n", encoding="utf-8")
     return Journal(path, tuple(entries))
 

@@ -116,9 +116,9 @@ def test_a_search_that_found_nothing_is_not_done_again_either(tmp_path):
         raise AssertionError("searched again")
 
     with pytest.raises(FitError):
-        FoundPoses(resume_journal(tmp_path / "journal", "key")).find("frame 1", nothing)
+        FoundPoses(resume_journal(tmp_path / "journal", "0" * 64)).find("frame 1", nothing)
     with pytest.raises(FitError, match="here: nothing there; look elsewhere"):
-        FoundPoses(resume_journal(tmp_path / "journal", "key")).find("frame 1", never)
+        FoundPoses(resume_journal(tmp_path / "journal", "0" * 64)).find("frame 1", never)
 
 
 def test_an_adaptation_that_fails_leaves_nothing_behind(limb, tmp_path, monkeypatch):

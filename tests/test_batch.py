@@ -216,6 +216,6 @@ def test_names_are_whole_where_the_table_goes_into_a_file(tmp_path: Path) -> Non
     said = subprocess.run(
         [sys.executable, "-c", f"from track.batch.commands import print_rows\nfrom track.batch.work import Row\n"
          f"print_rows([Row({name!r}, hidden='hand 12', error='one line that is long enough to be wrapped ' * 4)])"],
-        capture_output=True, text=True, check=True, env={k: v for k, v in os.environ.items() if k != "COLUMNS"},
+        capture_output=True, text=True, check=True, env=os.environ | {"COLUMNS": "60"},
     ).stdout  # fmt: skip
     assert name in said

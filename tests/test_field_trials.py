@@ -49,9 +49,19 @@ def test_a_case_is_run_once_and_read_afterwards(tmp_path: Path) -> None:
 
 
 def test_a_case_that_was_cut_short_begins_in_an_empty_folder(tmp_path: Path) -> None:
-    left = tmp_path / "toy-case" / "101" / "recording"
+    left = tmp_path / "toy-case" / "101.unfinished" / "recording"
     left.mkdir(parents=True)
     outcome_of(toy([]), 101, tmp_path, run=True)
+    assert not left.exists()
+
+
+def test_a_folder_that_no_case_left_is_not_emptied(tmp_path: Path) -> None:
+    kept = tmp_path / "toy-case" / "101" / "thesis.txt"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("mine")
+    with pytest.raises(EvaluationError, match="without its outcome"):
+        outcome_of(toy([]), 101, tmp_path, run=True)
+    assert kept.read_text() == "mine"
 
 
 def test_a_file_that_is_no_outcome_is_refused(tmp_path: Path) -> None:

@@ -18,12 +18,13 @@ from capture.errors import BonetrackError
 from tests.known_limb import KnownLimb
 from tests.known_motion import HIDDEN, known_motion, reported_subject
 from track.motion import MotionError, save_motion
-from track.poses_by_hand import PosesError, read_poses, write_poses
+from track.poses_by_hand import HandPose, PosesError, from_shown, read_poses, write_poses
 from track.settings import Settings
 from track.view.angle_charts import _ticks
 from track.view.commands import view_command
 from track.view.embedded import thinned, write_embedded
 from track.view.frames import FrameStore
+from track.view.guard import _names_of_this_machine, may_talk
 from track.view.layers import FAR, distance_to_see, error_colours, label
 from track.view.scene import Scene, motion_scene, open_scene, recording_scene, subject_scene
 from track.view.timeline import Timeline
@@ -322,7 +323,70 @@ def test_a_pose_set_by_hand_stays_with_its_frame(viewer: Viewer, limb: KnownLimb
     hand._dragged()  # whatever is set now begins from this frame
     np.testing.assert_allclose(hand.theta, limb.thetas[8], atol=0.2)
     viewer.timeline._set(4)
+    np.testing.assert_allclose(hand.theta, limb.thetas[3] + 0.01, atol=1e-9)
+
+
+def test_a_pose_that_is_not_saved_is_told_and_there_again_with_its_frame(
+    viewer: Viewer, limb: KnownLimb, tmp_path: Path
+) -> None:
+    anatomy, hand = limb.subject.anatomy, viewer._hand
+    assert hand is not None
+    i = anatomy.coordinate_index("elbow_flexion")
+    viewer.timeline._set(2)
+    hand._on.value = True
+    assert "Not saved" not in hand._told.content  # nothing was changed yet
+    hand._sliders[i].value = 41.0
+    assert "**Not saved yet**: frame 2." in hand._told.content
+    viewer.timeline._set(8)
+    shown = [from_shown(c, s.value) for c, s in zip(anatomy.coordinates, hand._sliders, strict=True)]
+    np.testing.assert_allclose(shown, limb.thetas[8], atol=2e-3)  # not those of frame 2
     assert hand.theta is None
+    hand._begin()
+    hand._sliders[i].value = 77.0
+    assert "**Not saved yet**: frame 2, 8." in hand._told.content
+    viewer.timeline._set(2)
+    assert hand._sliders[i].value == 41.0
+    assert hand.theta[i] == pytest.approx(np.deg2rad(41.0))
+    hand._on.value = False  # to compare with what was tracked
+    hand._on.value = True
+    hand._keep()
+    assert "**Not saved yet**: frame 8." in hand._told.content
+    (saved,) = read_poses(tmp_path / "poses.json", anatomy)
+    assert (saved.frame, saved.theta[i]) == (2, pytest.approx(np.deg2rad(41.0)))
+    viewer.timeline._set(8)
+    hand._begin_anew()
+    assert "Not saved" not in hand._told.content
+    np.testing.assert_allclose(hand.theta, limb.thetas[8], atol=1e-9)
+
+
+def test_two_viewers_keep_each_others_poses(viewer: Viewer, limb: KnownLimb, tmp_path: Path) -> None:
+    anatomy, hand, path = limb.subject.anatomy, viewer._hand, tmp_path / "poses.json"
+    assert hand is not None
+    theirs = [HandPose("theirs", 3, limb.thetas[3] + 0.01), HandPose("also theirs", 7, limb.thetas[7])]
+    write_poses(path, anatomy, theirs)  # after this viewer began
+    viewer.timeline._set(3)
+    hand._on.value = True
+    hand._sliders[anatomy.coordinate_index("elbow_flexion")].value = 50.0
+    for frame in (2, 3):
+        viewer.timeline._set(frame)
+        hand._begin()
+        hand._keep()
+    assert "**Not saved**: another viewer saved or changed a pose of frame 3 meanwhile" in hand._told.content
+    assert [(p.frame, p.name) for p in read_poses(path, anatomy)] == [(2, "frame 2"), (3, "theirs"), (7, "also theirs")]
+    hand._keep()  # asked for a second time
+    _, third, last = read_poses(path, anatomy)
+    assert third.theta[anatomy.coordinate_index("elbow_flexion")] == pytest.approx(np.deg2rad(50.0))
+    assert last.name == "also theirs"
+
+
+def test_the_machines_name_is_asked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(socket, "getfqdn", lambda: asked.append(1) or "here.example")
+    _names_of_this_machine.cache_clear()
+    assert all(may_talk(["here.example:8080"], [], host="127.0.0.1") for _ in range(5))
+    assert not may_talk(["elsewhere.example:8080"], [], host="127.0.0.1")
+    _names_of_this_machine.cache_clear()
+    assert asked == [1]
 
 
 @pytest.mark.parametrize(

@@ -13,15 +13,17 @@ import numpy as np
 from adapt.anatomy import load_anatomy
 from adapt.commands import print_subject
 from adapt.run import adapt_into
-from adapt.subject import Subject
+from adapt.subject import MARK, Subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import fuse
 from capture.console import stdout
 from capture.errors import RecordingError
+from capture.own import PNG, refuse_any_foreign, refuse_foreign
 from capture.recording import Recording, instants, open_recording
 from capture.recording.types import CALIBRATION_FILE
 from track.commands import print_motion
 from track.evaluation.commands import print_evaluation
+from track.evaluation.errors import MARK as EVALUATION_MARK
 from track.evaluation.errors import evaluate_motion, read_truth, write_evaluation
 from track.motion import Motion
 from track.run import track_recording
@@ -31,6 +33,7 @@ from track.view.pictures import picture_fit
 ANATOMY = "upper-limb-right"
 _SAMPLE = "-sample"
 _PICTURES = 3
+_FILES = {"subject.npz": MARK, "errors.json": EVALUATION_MARK, "angles.png": PNG}
 
 
 def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
@@ -38,7 +41,9 @@ def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
 
     Raises:
         RecordingError: the sample recording is not at hand.
+        OutputError: something stands in a file's place that bonetrack did not write.
     """
+    refuse_any_foreign({out / name: mark for name, mark in _FILES.items()})  # told before the work, not after it
     recording = _copy_of_sample(anatomy, out / "recording")
     with _step("calibrating the sensors by the box"):
         write_calibration(recording, calibrate_recording(recording))
@@ -112,5 +117,6 @@ def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> 
     for number in tracked[np.linspace(0, len(tracked) - 1, min(_PICTURES, len(tracked))).astype(int)]:
         cloud = fuse(recording, moments[number])
         written.append(out / f"fit_{number:04d}.png")
+        refuse_foreign(written[-1], PNG)
         picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=motion.shown[number])
     return written

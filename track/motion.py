@@ -18,11 +18,13 @@ from adapt.fit.never_seen import ends
 from adapt.model.body import bone_transforms, joint_centres
 from adapt.subject import Subject
 from capture.errors import BonetrackError
-from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
+from capture.files import UNREADABLE, read_arrays, unreadable
+from capture.own import arrays_of, replaced_if_own
 from track.settings import Settings
 from track.shown import Bools, centres_known
 
 FORMAT = "bonetrack-motion"
+MARK = arrays_of(FORMAT)
 VERSION = 2  # 2: which bones show
 TRACKED = ""
 
@@ -89,7 +91,11 @@ def bones_and_centres(subject: Subject, thetas: Floats, shown: Bools) -> tuple[d
 
 
 def save_motion(motion: Motion, folder: Path) -> None:
-    """Write ``motion.npz`` into the folder."""
+    """Write ``motion.npz`` into the folder.
+
+    Raises:
+        OutputError: one stands there that is no motion.
+    """
     description = {
         "format": FORMAT,
         "version": VERSION,
@@ -103,7 +109,7 @@ def save_motion(motion: Motion, folder: Path) -> None:
     arrays |= {f"transforms/{name}": value for name, value in motion.transforms.items()}
     arrays |= {f"centres/{name}": value for name, value in motion.centres.items()}
     arrays["description"] = np.array(json.dumps(description))
-    with replaced_when_complete(folder / "motion.npz") as partial:
+    with replaced_if_own(folder / "motion.npz", MARK) as partial:
         np.savez_compressed(partial, allow_pickle=False, **arrays)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Coordinate, Floats
 from capture.errors import BonetrackError
-from capture.files import replaced_when_complete
+from capture.own import json_of, replaced_if_own
 
 FORMAT = "bonetrack-poses"
 VERSION = 1
@@ -45,6 +45,7 @@ def write_poses(path: Path, anatomy: Anatomy, poses: Iterable[HandPose]) -> None
 
     Raises:
         PosesError: two of one name or frame, or a pose that ``read_poses`` would refuse.
+        OutputError: something else than such a file stands there.
     """
     written = {
         "format": FORMAT,
@@ -56,7 +57,7 @@ def write_poses(path: Path, anatomy: Anatomy, poses: Iterable[HandPose]) -> None
         ],
     }
     _poses(written, path, anatomy, frames=None)
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, json_of(FORMAT)) as partial:
         partial.write_text(json.dumps(written, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 

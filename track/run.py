@@ -21,18 +21,20 @@ from adapt.fit.correspondences import Target
 from adapt.subject import Subject
 from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.errors import CloudError
-from capture.files import remove_left_over
+from capture.files import left_over, remove_left_over
+from capture.journal import MARK as JOURNAL_MARK
 from capture.journal import Journal, journal_key, resume_journal
+from capture.own import refuse_any_foreign
 from capture.recording import Instant, Recording, instants, refuse_useless_depth
 from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
 from track.backward import anchors, go_back
 from track.belonging import subject_fingerprint
-from track.export.opensim_tables import write_mot, write_trc
+from track.export.opensim_tables import MOT, TRC, write_mot, write_trc
 from track.export.osim_motion import with_coupled
-from track.export.quality_table import write_quality
+from track.export.quality_table import QUALITY, write_quality
 from track.first_look import refuse_a_stranger, refuse_two_limbs
-from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, save_motion
+from track.motion import MARK, Motion, MotionError, bones_and_centres, coordinate_names, save_motion
 from track.out_of_step import in_step
 from track.poses_by_hand import HandPose
 from track.settings import Settings, settings_of
@@ -70,6 +72,7 @@ def track_recording(
         progress: told how many frames of how many are done; gaps that are gone into backward count on.
 
     Raises:
+        OutputError: a file of the folder has a motion's name, but is none that bonetrack wrote.
         MotionError: the folder holds something else, there is no frame of a pose's number, a thorax but no humerus,
             the recording does not show the subject, or two limbs that could be the subject's.
         RecordingError, CalibrationError: see ``fuse``.
@@ -241,13 +244,14 @@ def _make_folder(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise MotionError("is a file, not a folder", where=out, remedy="give another name")
     out.mkdir(parents=True, exist_ok=True)
-    remove_left_over(out)
-    strange = [path.name for path in out.iterdir() if path.name not in _OWN]
+    strange = {path.name for path in out.iterdir()} - set(_OWN) - {path.name for path in left_over(out, _OWN)}
     if strange:
-        raise MotionError(f"holds {strange[0]}, which is not a motion's", where=out, remedy="give another folder")
+        raise MotionError(f"holds {min(strange)}, which is not a motion's", where=out, remedy="give another folder")
+    refuse_any_foreign({out / name: mark for name, mark in _OWN.items()})
+    remove_left_over(out, _OWN)
 
 
-_OWN = {JOURNAL, "motion.npz", "angles.mot", "centres.trc", "quality.csv"}
+_OWN = {JOURNAL: JOURNAL_MARK, "motion.npz": MARK, "angles.mot": MOT, "centres.trc": TRC, "quality.csv": QUALITY}
 
 
 def _frame(entry: dict[str, Any]) -> TrackedFrame:

@@ -17,7 +17,7 @@ from capture.cloud.preprocess import Image, Mask, boundary, clean_depth
 from capture.cloud.region import automatic_region
 from capture.compiled import compiled
 from capture.errors import CloudError
-from capture.files import replaced_when_complete
+from capture.own import WRITTEN, replaced_if_own, words
 from capture.recording import Instant, Recording, Region, read_depth, world_from_sensor
 from capture.rigid import Floats, apply
 
@@ -143,15 +143,20 @@ def _keep_central(scaled: Floats, table: NDArray[np.intp], kept: Mask) -> Mask:
 
 
 def write_ply(cloud: Cloud, path: Path) -> None:
-    """Write a cloud as binary PLY: position, normal, and per point ``boundary`` (0, 1) and ``sensor`` (index)."""
+    """Write a cloud as binary PLY: position, normal, and per point ``boundary`` (0, 1) and ``sensor`` (index).
+
+    Raises:
+        OutputError: something stands there that bonetrack did not write.
+    """
     rows = np.zeros(len(cloud.points), dtype=[("p", "<f4", 3), ("n", "<f4", 3), ("boundary", "u1"), ("sensor", "u1")])
     rows["p"], rows["n"] = cloud.points, cloud.normals
     rows["boundary"], rows["sensor"] = cloud.boundary, cloud.sensor
     names = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
     names += "".join(f"property uchar {name}\n" for name in ("boundary", "sensor"))
     sensors = "".join(f"comment sensor {i} is {view.sensor}\n" for i, view in enumerate(cloud.views))
-    header = f"ply\nformat binary_little_endian 1.0\n{sensors}element vertex {len(rows)}\n{names}end_header\n"
-    with replaced_when_complete(path) as partial:
+    begin = f"ply\nformat binary_little_endian 1.0\ncomment {WRITTEN}\n{sensors}"
+    header = f"{begin}element vertex {len(rows)}\n{names}end_header\n"
+    with replaced_if_own(path, words(WRITTEN)) as partial:
         partial.write_bytes(header.encode("ascii") + rows.tobytes())
 
 

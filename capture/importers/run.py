@@ -74,6 +74,7 @@ def import_recording(
             remedy="give --sensor once for each",
         )
 
+    _refuse_inside([*listed, *(box.paths if box is not None else ())], out)
     each = [stated] * len(listed) if isinstance(stated, Stated) else list(stated)
     of_path = dict(zip([*listed, *(box.paths if box is not None else ())], [*each, *each], strict=False))
 
@@ -115,6 +116,14 @@ def import_recording(
                 readings(sensor.name, tally.words())
         refuse_clocks_apart(filmed, where=out)
     return open_recording(out)
+
+
+def _refuse_inside(paths: Sequence[Path], out: Path) -> None:
+    """Raise RecordingError where a file to be read lies in the folder that is emptied before it is written."""
+    for path in paths:
+        if out.resolve() in (path.resolve(), *path.resolve().parents):
+            remedy = "give another --out"
+            raise RecordingError("lies in the folder that is to be written", where=path, remedy=remedy)
 
 
 def _in_words(path: Path, source: Source) -> str:

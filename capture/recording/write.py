@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import RecordingError
-from capture.files import naming, remove_left_over, replaced_when_complete
+from capture.files import naming, replaced_when_complete
+from capture.own import json_of, refuse_foreign
 from capture.recording import colour_image, depth_png
 from capture.recording.read import open_recording
+from capture.recording.room import make_room
 from capture.recording.types import (
     BOX_FRAMES_FILE,
     CALIBRATION_FILE,
@@ -50,7 +52,7 @@ class RecordingWriter:
         overwrite: replace a recording that stands there already; one that was never finished is replaced anyway.
 
     Raises:
-        RecordingError: the folder holds something already and may not be replaced.
+        RecordingError, OutputError: the folder holds something already that may not be replaced.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class RecordingWriter:
             "box": None,
             "region": None,
         }
-        _make_room(self.path, overwrite=overwrite)
+        make_room(self.path, list(self._sensors), overwrite=overwrite)
 
     def __enter__(self) -> Self:
         _write_json(self.path / UNFINISHED_FILE, self._header)
@@ -158,7 +160,12 @@ class RecordingWriter:
 
 
 def write_calibration_file(path: Path, calibration: Calibration) -> None:
-    """Write the calibration of a recording into its folder ``path``."""
+    """Write the calibration of a recording into its folder ``path``.
+
+    Raises:
+        OutputError: something else than a calibration stands there.
+    """
+    refuse_foreign(path / CALIBRATION_FILE, json_of(CALIBRATION_FORMAT))
     sensors = {
         name: {
             "world_from_sensor": sensor.world_from_sensor.tolist(),
@@ -216,40 +223,3 @@ def _readings(depth: NDArray[np.generic], sensor: Sensor, *, where: Path, index:
 def _write_json(path: Path, content: dict[str, Any]) -> None:
     with replaced_when_complete(path) as partial:
         partial.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _make_room(path: Path, *, overwrite: bool) -> None:
-    """Make the folder, or empty the recording that stands there of what the format names, and of nothing else."""
-    if path.exists() and not path.is_dir():
-        raise RecordingError("is a file, not a folder", where=path, remedy="give another name")
-    path.mkdir(parents=True, exist_ok=True)
-    remove_left_over(path)
-    if not any(path.iterdir()):
-        return
-    header = next((path / name for name in (HEADER_FILE, UNFINISHED_FILE) if (path / name).is_file()), None)
-    if header is None:
-        raise RecordingError(
-            "is not empty and not a recording, so it will not be replaced", where=path, remedy="give another folder"
-        )
-    if not overwrite and not (path / UNFINISHED_FILE).is_file():
-        raise RecordingError(
-            "holds a recording already", where=path, remedy="allow overwriting, or give another folder"
-        )
-    header = header.replace(path / UNFINISHED_FILE)  # from here on it is not whole any more
-    for name in _sensor_names(header):
-        images = [*(path / name).glob("*.png"), *(path / name).glob("colour-*.jpg")]
-        lists = [path / name / file for file in (FRAMES_FILE, BOX_FRAMES_FILE, COLOUR_FRAMES_FILE)]
-        for old in images + lists:
-            old.unlink(missing_ok=True)
-    for name in (HEADER_FILE, CALIBRATION_FILE, TRUTH_FILE):
-        (path / name).unlink(missing_ok=True)
-
-
-def _sensor_names(header: Path) -> list[str]:
-    """Names of the sensors in a header that may be damaged: those that can safely be names of folders."""
-    try:
-        sensors = json.loads(header.read_text(encoding="utf-8"))["sensors"]
-        names = [str(sensor["name"]) for sensor in sensors]
-    except (OSError, ValueError, KeyError, TypeError):
-        return []
-    return [name for name in names if name == Path(name).name and name not in {"", ".", ".."}]

@@ -13,11 +13,13 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from capture.files import replaced_when_complete
+from capture.own import refuse_foreign, replaced_if_own, table_of
 from track.batch.items import BatchError, Item
 from track.batch.work import Row, Work, adapt_and_track, finished, run_item
 
 TABLE = "batch.csv"
+_COLUMNS = [field.name for field in fields(Row)]
+_MARK = table_of(_COLUMNS)
 
 
 _LOOK_EVERY_S = 10.0
@@ -52,8 +54,10 @@ def run_batch(
 
     Raises:
         BatchError: Dask is not installed, or no scheduler answers.
+        OutputError: something else stands in the table's place.
     """
     out = out.resolve()
+    refuse_foreign(out / TABLE, _MARK)
     rows = {item.name: row for item in items if (row := finished(item, out / item.name))}
     for row in rows.values():
         progress(row)
@@ -70,9 +74,13 @@ def run_batch(
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV."""
-    with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Row)])
+    """Write rows as CSV.
+
+    Raises:
+        OutputError: something else than such a table stands there.
+    """
+    with replaced_if_own(path, _MARK) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, _COLUMNS)
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
 

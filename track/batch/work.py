@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from capture.recording import Recording
 
 ITEM, ROW = "item.json", "row.json"
+_NOT_OURS = "move its folder away, or give another --out"
 
 
 @dataclass(frozen=True)
@@ -149,11 +150,16 @@ def _claim(item: Item, folder: Path) -> None:
 
 def _read(path: Path) -> dict | None:  # type: ignore[type-arg]
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
+    except NotADirectoryError as error:
+        raise BatchError("is a file, not a folder", where=path.parent, remedy="give another --out") from error
     except ValueError as error:
-        raise BatchError("cannot be read", where=path, remedy="remove its folder and run again") from error
+        raise BatchError("cannot be read", where=path, remedy=_NOT_OURS) from error
+    if not isinstance(content, dict):
+        raise BatchError("is not of a batch", where=path, remedy=_NOT_OURS)
+    return content
 
 
 def _write(path: Path, content: dict) -> None:  # type: ignore[type-arg]

@@ -63,11 +63,14 @@ def simulate_command(
 def evaluate_command(motion: Path, truth: Path, subject: Path, out: Path | None) -> None:
     """Errors of MOTION against the known truth of a simulated recording."""
     from adapt.subject import load_subject
+    from capture.own import refuse_foreign
     from capture.recording import open_recording
     from track.belonging import refuse_other_subject
-    from track.evaluation.errors import evaluate_motion, write_evaluation
+    from track.evaluation.errors import MARK, evaluate_motion, write_evaluation
     from track.motion import load_motion
 
+    if out is not None:
+        refuse_foreign(out, MARK)
     tracked, person = load_motion(motion), load_subject(subject)
     refuse_other_subject(tracked, person)
     evaluation = evaluate_motion(tracked, person, open_recording(truth))

@@ -21,6 +21,7 @@ from adapt.anatomy import Anatomy, Floats
 from capture.console import stdout
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
+from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
 from capture.rigid import apply, exp_so3, inverse, log_so3
 from track.evaluation.errors import read_truth, world_from_common
@@ -219,8 +220,9 @@ def main(folders: tuple[Path, ...], picture: Path | None, table: Path | None) ->
         lines += [f"### {name}", "", *table_lines(coverages(subjects), len(subjects)), ""]
     stdout.print("\n".join(lines), highlight=False, soft_wrap=True)
     if table is not None:
-        with replaced_when_complete(table) as partial:
-            partial.write_text("\n".join(lines), encoding="utf-8")
+        text = "\n".join(lines)
+        with replaced_if_own(table, page_of(text)) as partial:
+            partial.write_text(text, encoding="utf-8")
     if picture is not None:
         plot_coverage(groups, picture)
 

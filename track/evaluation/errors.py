@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
 from adapt.subject import Subject
-from capture.files import UNREADABLE, read_arrays, replaced_when_complete
+from capture.files import UNREADABLE, read_arrays
+from capture.own import json_of, replaced_if_own
 from capture.recording import Recording, world_from_sensor
 from capture.rigid import apply, inverse, log_so3, transform
 from track.motion import Motion, MotionError
@@ -28,6 +29,9 @@ from track.shown import Bools, centres_known, coordinates_known, skin_shown
 
 _SURFACE_POINTS = 600  # of each surface, whose distance to the true surface is measured
 _NEAREST_S = 1e-3
+
+FORMAT = "bonetrack-evaluation"
+MARK = json_of(FORMAT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +258,10 @@ def distance_to_mesh(points: Floats, vertices: Floats, faces: NDArray[np.int64])
 
 
 def write_evaluation(evaluation: Evaluation, path: Path) -> None:
-    """Write the summary as JSON."""
-    with replaced_when_complete(path) as partial:
-        partial.write_text(json.dumps(evaluation.as_json(), indent=1) + "\n", encoding="utf-8")
+    """Write the summary as JSON.
+
+    Raises:
+        OutputError: something else than such a file stands there.
+    """
+    with replaced_if_own(path, MARK) as partial:
+        partial.write_text(json.dumps({"format": FORMAT} | evaluation.as_json(), indent=1) + "\n", encoding="utf-8")

@@ -20,6 +20,7 @@ import click
 
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from capture.own import page_of, replaced_if_own
 from track.evaluation.benchmark.timing import hold_to_one_thread
 from track.evaluation.results import EvaluationError
 from track.evaluation.trials.page import page_text
@@ -27,22 +28,26 @@ from track.evaluation.trials.real import situations_of
 from track.evaluation.trials.situation import SEEDS, Outcome, Situation
 from track.evaluation.trials.table import SITUATIONS
 
+_AGAIN = "delete it to run the case again"
+
 
 def outcome_of(situation: Situation, seed: int, out: Path, *, run: bool) -> Outcome | None:
     """The kept outcome of a case; where there is none, it is run and kept, or None without ``run``.
 
     Raises:
-        EvaluationError: the kept file is not an outcome.
+        EvaluationError: the kept file is not an outcome, or something stands where the case is to be run.
     """
     path = out / situation.name.replace(" ", "-").replace("/", "per") / f"{seed}.json"
     if path.is_file():
         try:
             return Outcome(**json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, TypeError) as error:
-            raise EvaluationError("is not an outcome", where=path, remedy="delete it to run the case again") from error
+            raise EvaluationError("is not an outcome", where=path, remedy=_AGAIN) from error
     if not run:
         return None
-    folder = path.with_suffix("")
+    kept, folder = path.with_suffix(""), path.with_suffix(".unfinished")
+    if kept.exists():
+        raise EvaluationError("stands there without its outcome", where=kept, remedy=_AGAIN)
     shutil.rmtree(folder, ignore_errors=True)  # what a run that was cut short left
     folder.mkdir(parents=True)
     start = time.perf_counter()
@@ -51,6 +56,7 @@ def outcome_of(situation: Situation, seed: int, out: Path, *, run: bool) -> Outc
         outcome = replace(outcome, line=outcome.line.replace(f"{folder}/", ""))  # where this machine keeps it
     with replaced_when_complete(path) as partial:
         partial.write_text(json.dumps(asdict(outcome), indent=1) + "\n", encoding="utf-8")
+    folder.rename(kept)
     line = f"{situation.name}, variant {seed} ({time.perf_counter() - start:.0f} s): {outcome.verdict}: {outcome.line}"
     stdout.print(line, markup=False, highlight=False, soft_wrap=True)
     return outcome
@@ -102,8 +108,9 @@ def main(
             if outcome is not None:
                 found.setdefault(situation.name, {})[seed] = outcome
     if page is not None:
-        with replaced_when_complete(page) as partial:
-            partial.write_text(page_text(everything, found, split=split, skipped=why), encoding="utf-8")
+        text = page_text(everything, found, split=split, skipped=why)
+        with replaced_if_own(page, page_of(text)) as partial:
+            partial.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

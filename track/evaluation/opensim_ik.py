@@ -30,6 +30,7 @@ from adapt.subject import Subject, load_subject, save_subject
 from capture.console import stdout
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
+from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
 from track.evaluation.benchmark.timing import hold_to_one_thread
 from track.evaluation.errors import Truth, read_truth, world_from_common
@@ -265,7 +266,7 @@ def _show(results: list[dict[str, Any]], markdown: Path) -> None:
     tables = [comparison_rows(results)] + ([motion_rows(results)] if results[0]["by_motion"] else [])
     text = "\n".join("".join(f"| {' | '.join(row)} |\n" for row in _with_rule(rows)) for rows in tables)
     stdout.print(text, markup=False, highlight=False, soft_wrap=True)
-    with replaced_when_complete(markdown) as partial:
+    with replaced_if_own(markdown, page_of(text)) as partial:
         partial.write_text(text, encoding="utf-8")
 
 

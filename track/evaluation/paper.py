@@ -16,7 +16,7 @@ import click
 
 from capture.console import stdout
 from capture.errors import BonetrackError
-from capture.files import replaced_when_complete
+from capture.own import page_of, replaced_if_own
 from track.evaluation.benchmark.timing import hold_to_one_thread
 from track.evaluation.experiments import (
     bend_and_twist,
@@ -123,7 +123,7 @@ def main(
             stdout.print(section(experiment, found[experiment.name], out / "images"), markup=False, highlight=False)
     if page is not None:
         text = page_text(everything, found, images_of(page))
-        with replaced_when_complete(page) as partial:
+        with replaced_if_own(page, page_of(text)) as partial:
             partial.write_text(text, encoding="utf-8")
 
 

@@ -8,7 +8,6 @@ A heavy evaluation, not a test. Each subject's result is a file in DIR; a run th
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from adapt.subject import save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
 from capture.simulation.sensor import NoiseModel, carmine
 from track.evaluation.errors import evaluate_motion
@@ -58,7 +58,6 @@ def run_subject(
     recording = calibrated(recording)
     subject = adapt_recording(recording, anatomy)
     save_subject(subject, folder / "subject.npz")
-    shutil.rmtree(folder / "motion", ignore_errors=True)
     motion = track_recording(recording, subject, folder / "motion")
     evaluation = evaluate_motion(motion, subject, recording)
     return {"seed": seed, "noise": noise, "seconds_each": seconds_each} | evaluation.as_json()
@@ -100,8 +99,9 @@ def show(results: list[dict[str, Any]], title: str, markdown: Path) -> None:
         table.add_row(*row)
     stdout.print(table)
     lines = [header, ["---"] * len(header), *rows]
-    with replaced_when_complete(markdown) as partial:
-        partial.write_text("\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n", encoding="utf-8")
+    text = "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+    with replaced_if_own(markdown, page_of(text)) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 @click.command()

@@ -28,12 +28,16 @@ _PATH = click.Path(path_type=Path)
 def export_command(source: Path, subject: Path | None, frame: int | None, gltf: bool, parquet: bool, out: Path) -> None:
     """Write a subject or a motion (SOURCE) for other tools: PLY, .osim, .mot, .sto, .trc, CSV, Parquet, glTF."""
     from adapt.subject import load_subject
+    from capture.own import refuse_foreign
     from track.export.files import export_motion, export_subject
+    from track.export.glb import MARK
     from track.motion import MotionError, load_motion
 
     if source.is_dir():
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
+        if gltf:
+            refuse_foreign(out / "motion.glb", MARK)
         motion = load_motion(source)
         whose = load_subject(subject)
         try:

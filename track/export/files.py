@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from adapt.anatomy import Floats, Ints
@@ -9,24 +12,29 @@ from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.model.surface import submesh
 from adapt.subject import Subject
 from capture._open3d import open3d
-from capture.files import replaced_when_complete
+from capture.own import WRITTEN, Mark, refuse_any_foreign, replaced_if_own, table_of, words
 from track.angles import reported_coordinates
 from track.belonging import refuse_other_subject
-from track.export.opensim_tables import write_mot, write_mot_in_radians, write_trc
-from track.export.osim import landmark_markers, marker_paths, write_osim
-from track.export.osim_motion import in_si_with_coupled, with_coupled, write_states
-from track.export.tables import motion_tables, write_csv, write_parquet
+from track.export.opensim_tables import MOT, TRC, write_mot, write_mot_in_radians, write_trc
+from track.export.osim import landmark_markers, marker_paths, osim_files, write_osim
+from track.export.osim_motion import STATES, in_si_with_coupled, with_coupled, write_states
+from track.export.tables import PARQUET, motion_tables, write_csv, write_parquet
 from track.motion import Motion, MotionError
 from track.shown import known_thetas, skin_shown
 
 
 def export_subject(subject: Subject, out: Path) -> list[Path]:
-    """Write the rest skin and every bone as PLY, and the OpenSim model with its meshes; returns the files."""
-    out.mkdir(parents=True, exist_ok=True)
-    written = [_ply(out / "skin.ply", subject.body.v_tilde.value, subject.anatomy.skin_faces)]
+    """Write the rest skin and every bone as PLY, and the OpenSim model with its meshes; returns the files.
+
+    Raises:
+        OutputError: something stands in a file's place that bonetrack did not write; nothing is written then.
+    """
+    meshes = {out / "skin.ply": (subject.body.v_tilde.value, subject.anatomy.skin_faces)}
     for bone in subject.anatomy.bones:
-        written.append(_ply(out / f"{bone.name}.ply", subject.body.rest_bones[bone.name], bone.faces))
-    return written + write_osim(subject.body, out)
+        meshes[out / f"{bone.name}.ply"] = (subject.body.rest_bones[bone.name], bone.faces)
+    refuse_any_foreign(dict.fromkeys(meshes, _PLY) | osim_files(subject.body, out))
+    out.mkdir(parents=True, exist_ok=True)
+    return [_ply(path, *mesh) for path, mesh in meshes.items()] + write_osim(subject.body, out)
 
 
 def export_motion(
@@ -40,26 +48,52 @@ def export_motion(
 
     Raises:
         MotionError: the frame does not exist or was lost, it is one of another subject, or pyarrow is missing.
+        OutputError: something stands in a file's place that bonetrack did not write; nothing is written then.
     """
     refuse_other_subject(motion, subject)
     if frame is not None:
         _check_frame(motion, frame)
-    out.mkdir(parents=True, exist_ok=True)
-    columns = reported_coordinates(subject.anatomy, known_thetas(subject.anatomy, motion.thetas, motion.shown))
-    write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
-    write_mot_in_radians(out / "angles_radians.mot", motion.times, in_si_with_coupled(subject.anatomy, columns))
-    write_states(out / "coordinates.sto", motion.times, subject.anatomy, columns)
-    write_trc(out / "centres.trc", motion.times, motion.centres)
-    write_trc(out / "markers.trc", motion.times, marker_paths(landmark_markers(subject.body), motion.transforms))
-    names = ("angles.mot", "angles_radians.mot", "coordinates.sto", "centres.trc", "markers.trc")
-    written = [out / name for name in names]
-    for name, table in motion_tables(motion, subject.anatomy).items():
-        written.append(write_csv(out / f"{name}.csv", table))
-        if parquet:
-            written.append(write_parquet(out / f"{name}.parquet", table))
+    pieces = _tracks(motion, subject, out) + _tables(motion, subject, out, parquet=parquet)
     if frame is not None:
-        written += _posed(motion, subject.body, out, frame)
-    return written
+        pieces += _posed(motion, subject.body, out, frame)
+    refuse_any_foreign({piece.path: piece.mark for piece in pieces})
+    out.mkdir(parents=True, exist_ok=True)
+    for piece in pieces:
+        piece.write(piece.path)
+    return [piece.path for piece in pieces]
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A file that is going to be written, how it is known again, and who writes it."""
+
+    path: Path
+    mark: Mark
+    write: Callable[[Path], object]
+
+
+def _tracks(motion: Motion, subject: Subject, out: Path) -> list[_Piece]:
+    """The angles and points over time."""
+    anatomy, times = subject.anatomy, motion.times
+    columns = reported_coordinates(anatomy, known_thetas(anatomy, motion.thetas, motion.shown))
+    degrees, radians = with_coupled(anatomy, columns), in_si_with_coupled(anatomy, columns)
+    markers = marker_paths(landmark_markers(subject.body), motion.transforms)
+    return [
+        _Piece(out / "angles.mot", MOT, lambda path: write_mot(path, times, degrees)),
+        _Piece(out / "angles_radians.mot", MOT, lambda path: write_mot_in_radians(path, times, radians)),
+        _Piece(out / "coordinates.sto", STATES, lambda path: write_states(path, times, anatomy, columns)),
+        _Piece(out / "centres.trc", TRC, lambda path: write_trc(path, times, motion.centres)),
+        _Piece(out / "markers.trc", TRC, lambda path: write_trc(path, times, markers)),
+    ]
+
+
+def _tables(motion: Motion, subject: Subject, out: Path, *, parquet: bool) -> list[_Piece]:
+    pieces = []
+    for name, table in motion_tables(motion, subject.anatomy).items():
+        pieces.append(_Piece(out / f"{name}.csv", table_of(list(table)), partial(write_csv, table=table)))
+        if parquet:
+            pieces.append(_Piece(out / f"{name}.parquet", PARQUET, partial(write_parquet, table=table)))
+    return pieces
 
 
 def _check_frame(motion: Motion, frame: int) -> None:
@@ -69,15 +103,19 @@ def _check_frame(motion: Motion, frame: int) -> None:
         raise MotionError(f"frame {frame} was lost: {motion.lost[frame]}", remedy="choose another frame")
 
 
-def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[Path]:
+def _posed(motion: Motion, body: Body, out: Path, frame: int) -> list[_Piece]:
+    """The skin and the bones of one frame."""
     theta, hidden = motion.thetas[frame], motion.hidden(frame)
-    skin = submesh(pose_skin(body, theta), body.anatomy.skin_faces, skin_shown(body, motion.shown[frame]))
-    written = [_ply(out / f"skin_{frame:05d}.ply", *skin)]
     bones = posed_bones(body, theta)
-    for bone in body.anatomy.bones:
-        if bone.name not in hidden:
-            written.append(_ply(out / f"{bone.name}_{frame:05d}.ply", bones[bone.name], bone.faces))
-    return written
+    meshes = {"skin": submesh(pose_skin(body, theta), body.anatomy.skin_faces, skin_shown(body, motion.shown[frame]))}
+    meshes |= {bone.name: (bones[bone.name], bone.faces) for bone in body.anatomy.bones if bone.name not in hidden}
+    return [
+        _Piece(out / f"{name}_{frame:05d}.ply", _PLY, partial(_ply, vertices=vertices, faces=faces))
+        for name, (vertices, faces) in meshes.items()
+    ]
+
+
+_PLY = words(WRITTEN)
 
 
 def _ply(path: Path, vertices: Floats, faces: Ints) -> Path:
@@ -85,10 +123,13 @@ def _ply(path: Path, vertices: Floats, faces: Ints) -> Path:
 
     Raises:
         MotionError: the file could not be written.
+        OutputError: something stands there that bonetrack did not write.
     """
     geometry, utility = open3d().geometry, open3d().utility
     mesh = geometry.TriangleMesh(utility.Vector3dVector(vertices), utility.Vector3iVector(faces))
-    with replaced_when_complete(path) as partial:
-        if not open3d().io.write_triangle_mesh(str(partial), mesh, write_vertex_normals=False):
+    with replaced_if_own(path, _PLY) as unfinished:
+        if not open3d().io.write_triangle_mesh(str(unfinished), mesh, write_vertex_normals=False):
             raise MotionError("could not be written", where=path, remedy="check the disk")
+        first, rest = unfinished.read_bytes().split(b"\nelement ", 1)
+        unfinished.write_bytes(first + f"\ncomment {WRITTEN}\nelement ".encode() + rest)
     return path

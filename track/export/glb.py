@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,11 +12,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.files import replaced_when_complete
+from capture.own import Mark, replaced_if_own
 
 _MAGIC, _VERSION, _JSON, _BIN = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
 _COMPONENTS = {np.dtype("<u1"): 5121, np.dtype("<u4"): 5125, np.dtype("<f4"): 5126}
 _TARGETS = {"vertices": 34962, "faces": 34963}
+GENERATOR = "bonetrack"
+MARK = Mark(re.compile(rb'\AglTF.{16}\{"asset":\{[^}]*"generator":"%b"' % GENERATOR.encode(), re.DOTALL))
 _SHAPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 
 
@@ -63,8 +66,12 @@ class Glb:
         return len(self._accessors) - 1
 
     def write(self, path: Path, document: dict[str, Any]) -> None:
-        """Write the file: ``document`` holds everything but buffers, views and accessors."""
-        whole = document | {
+        """Write the file: ``document`` holds everything but buffers, views, accessors and what the file says of itself.
+
+        Raises:
+            OutputError: something stands there that bonetrack did not write.
+        """
+        whole = {"asset": {"version": "2.0", "generator": GENERATOR}, **document} | {
             "buffers": [{"byteLength": len(self._buffer)}],
             "bufferViews": self._views,
             "accessors": self._accessors,
@@ -73,5 +80,5 @@ class Glb:
         text += b" " * (-len(text) % 4)
         chunks = struct.pack("<II", len(text), _JSON) + text
         chunks += struct.pack("<II", len(self._buffer), _BIN) + bytes(self._buffer)
-        with replaced_when_complete(path) as partial:
+        with replaced_if_own(path, MARK) as partial:
             partial.write_bytes(struct.pack("<III", _MAGIC, _VERSION, 12 + len(chunks)) + chunks)

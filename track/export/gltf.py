@@ -65,7 +65,6 @@ def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
         glb, motion, bone_nodes
     )
     document = {
-        "asset": {"version": "2.0", "generator": "bonetrack"},
         "extras": {"anatomy": motion.anatomy, "lost_frames": np.flatnonzero(~motion.tracked).tolist()},
         "scene": 0,
         "scenes": [{"nodes": [k for k, parent in enumerate(skin.parents) if parent is None] + [len(nodes) - 1]}],

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from adapt.anatomy import Floats
-from capture.files import replaced_when_complete
+from capture.own import Mark, replaced_if_own, words
+
+_UNKNOWN = "What is not known is nan.\nendheader\n"
+MOT = words(_UNKNOWN)
+TRC = Mark(re.compile(rb"\APathFileType\t4\t\(X/Y/Z\)\tbonetrack/"))
 
 
 def write_mot(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
@@ -32,10 +37,10 @@ def _write_coordinates(path: Path, times: Floats, columns: Mapping[str, Floats],
     table = np.column_stack([times, *columns.values()])
     header = (
         f"Coordinates\nversion=1\nnRows={len(table)}\nnColumns={table.shape[1]}\ninDegrees={in_degrees}\n\n"
-        f"{said}, translations in metres. What is not known is nan.\nendheader\n"
+        f"{said}, translations in metres. {_UNKNOWN}"
     )
     rows = ["\t".join(f"{value:.8f}" for value in row) for row in table]
-    _write(path, header + "\t".join(["time", *columns]) + "\n" + "\n".join(rows) + "\n")
+    _write(path, MOT, header + "\t".join(["time", *columns]) + "\n" + "\n".join(rows) + "\n")
 
 
 def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
@@ -49,7 +54,7 @@ def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
     axes = "\t".join(f"{c}{k}" for k in range(1, len(points) + 1) for c in "XYZ")
     fields = f"{rate:.4f}\t{rate:.4f}\t{len(times)}\t{len(points)}\tmm\t{rate:.4f}\t1\t{len(times)}"
     lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
+        f"PathFileType\t4\t(X/Y/Z)\tbonetrack/{path.name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         fields,
         f"Frame#\tTime\t{names}\t\t",
@@ -59,9 +64,9 @@ def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
     for frame, time in enumerate(times):
         cells = [f"{1e3 * value:.5f}" for series in points.values() for value in series[frame]]
         lines.append("\t".join([str(frame + 1), f"{time:.6f}", *cells]))
-    _write(path, "\n".join(lines) + "\n")
+    _write(path, TRC, "\n".join(lines) + "\n")
 
 
-def _write(path: Path, text: str) -> None:
-    with replaced_when_complete(path) as partial:
+def _write(path: Path, mark: Mark, text: str) -> None:
+    with replaced_if_own(path, mark) as partial:
         partial.write_text(text, encoding="utf-8")

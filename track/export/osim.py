@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.body import Body
-from capture.files import replaced_when_complete
+from capture.own import WRITTEN, Mark, refuse_any_foreign, replaced_if_own, words
 from capture.rigid import apply, inverse
 from track.export.osim_joints import (
     OsimCoordinate,
@@ -34,6 +34,7 @@ _VERSION = "40000"
 _CREDITS = (
     "Written by bonetrack. Masses and inertias are placeholders: the volume of flesh around each bone at one density."
 )
+OSIM = words("<credits>Written by bonetrack.")
 _AXES = ("rotation1", "rotation2", "rotation3", "translation1", "translation2", "translation3")
 
 
@@ -49,7 +50,11 @@ def write_osim(body: Body, folder: Path, *, markers: Mapping[str, Marker] | None
     """Write ``<anatomy>.osim`` and its bone meshes in ``Geometry``; markers are the landmarks if none are given.
 
     Each mesh stands there twice: OpenSim reads ``<bone>.obj``, nimblephysics looks for ``<bone>.obj.ply`` beside it.
+
+    Raises:
+        OutputError: something stands there that bonetrack did not write; nothing is written then.
     """
+    refuse_any_foreign(osim_files(body, folder))
     (folder / GEOMETRY).mkdir(parents=True, exist_ok=True)
     frames = body_frames(body)
     path = folder / f"{body.anatomy.name}.osim"
@@ -61,9 +66,16 @@ def write_osim(body: Body, folder: Path, *, markers: Mapping[str, Marker] | None
         _write_ply(mesh.with_name(f"{bone.name}.obj.ply"), vertices, bone.faces)
         written.append(mesh)
     document = _document(body, frames, landmark_markers(body) if markers is None else markers)
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, OSIM) as partial:
         document.write(partial, encoding="UTF-8", xml_declaration=True)
     return written
+
+
+def osim_files(body: Body, folder: Path) -> dict[Path, Mark]:
+    """What ``write_osim`` writes, and the mark of each."""
+    meshes = [folder / GEOMETRY / f"{bone.name}.obj" for bone in body.anatomy.bones]
+    doubles = [mesh.with_name(f"{mesh.name}.ply") for mesh in meshes]
+    return {folder / f"{body.anatomy.name}.osim": OSIM} | dict.fromkeys([*meshes, *doubles], words(WRITTEN))
 
 
 def landmark_markers(body: Body) -> dict[str, Marker]:
@@ -207,18 +219,18 @@ def _numbers(values: Iterable[float]) -> str:
 
 def _write_obj(path: Path, vertices: Floats, faces: Ints) -> None:
     """A triangle mesh (m) as Wavefront OBJ, which keeps the order of vertices."""
-    lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in vertices]
+    lines = [f"# {WRITTEN}", *(f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in vertices)]
     lines += [f"f {a} {b} {c}" for a, b, c in np.asarray(faces) + 1]
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, words(WRITTEN)) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _write_ply(path: Path, vertices: Floats, faces: Ints) -> None:
     """The same as PLY in text."""
-    lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    lines = ["ply", "format ascii 1.0", f"comment {WRITTEN}", f"element vertex {len(vertices)}"]
     lines += [f"property float {axis}" for axis in "xyz"]
     lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
     lines += [f"{x:.7f} {y:.7f} {z:.7f}" for x, y, z in vertices]
     lines += [f"3 {a} {b} {c}" for a, b, c in faces]
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, words(WRITTEN)) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from capture.files import replaced_when_complete
+from capture.own import Mark, replaced_if_own
 from track.export.osim_joints import coupled_coordinates, joints_of_coordinates
+
+_WRITER = "writer=bonetrack"
+STATES = Mark(re.compile(rb"\n%b\n(.*\n)*?endheader\n" % _WRITER.encode()))
 
 
 def with_coupled(anatomy: Anatomy, columns: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -42,9 +46,9 @@ def write_states(path: Path, times: Floats, anatomy: Anatomy, columns: Mapping[s
     table = table[np.isfinite(table).all(axis=1)]
     labels = ["time", *(f"/jointset/{joints[name]}/{name}/value" for name in known)]
     header = (
-        f"coordinates\nDataType=double\nversion=3\nOpenSimVersion=4.6\ninDegrees=no\n"
+        f"coordinates\nDataType=double\nversion=3\nOpenSimVersion=4.6\n{_WRITER}\ninDegrees=no\n"
         f"nRows={len(table)}\nnColumns={table.shape[1]}\nendheader\n"
     )
     rows = ["\t".join(f"{value:.9f}" for value in row) for row in table]
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, STATES) as partial:
         partial.write_text(header + "\t".join(labels) + "\n" + "\n".join(rows) + "\n", encoding="utf-8")

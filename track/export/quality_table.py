@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
 
 from adapt.anatomy import Anatomy
-from capture.files import replaced_when_complete
+from capture.own import Mark, replaced_if_own
 from track.motion import Motion
 from track.shown import coordinates_known
+
+_FIRST, _LAST = ("time_s", "tracked", "residual_mm", "coverage", "matches"), ("hidden", "lost_because", "how")
+QUALITY = Mark(re.compile(rb"\A%b(,sd_\w+)+,%b\r?\n" % (",".join(_FIRST).encode(), ",".join(_LAST).encode())))
+"""Of any anatomy's coordinates."""
 
 
 def write_quality(path: Path, motion: Motion, anatomy: Anatomy) -> None:
@@ -24,11 +29,10 @@ def write_quality(path: Path, motion: Motion, anatomy: Anatomy) -> None:
     deviations[~coordinates_known(anatomy, motion.shown)] = np.nan
     how = motion.how or ("",) * len(motion.times)
     units = ["deg" if turn else "mm" for turn in rotational]
-    header = ["time_s", "tracked", "residual_mm", "coverage", "matches"]
-    header += [f"sd_{name}_{unit}" for name, unit in zip(motion.coordinates, units, strict=True)]
-    with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+    header = [*_FIRST, *(f"sd_{name}_{unit}" for name, unit in zip(motion.coordinates, units, strict=True)), *_LAST]
+    with replaced_if_own(path, QUALITY) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*header, "hidden", "lost_because", "how"])
+        writer.writerow(header)
         for t, time in enumerate(motion.times):
             quality = [f"{1e3 * motion.residuals[t]:.3f}", f"{motion.coverage[t]:.3f}", int(motion.matches[t])]
             spread = [f"{value:.4f}" for value in deviations[t]]

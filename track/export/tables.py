@@ -7,6 +7,7 @@ known is ``nan`` in CSV and null in Parquet.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from capture.files import replaced_when_complete
+from capture.own import Mark, replaced_if_own, table_of, tail
 from track.angles import reported_coordinates
 from track.motion import Motion, MotionError
 from track.shown import known_thetas
 
 Table = Mapping[str, NDArray[Any]]
 """Columns (N,) by name, all equally long: numbers, or text."""
+
+
+_KEY = "bonetrack.table"
+PARQUET = Mark(re.compile(rb"%b.*PAR1\Z" % _KEY.encode(), re.DOTALL), tail)
 
 
 def motion_tables(motion: Motion, anatomy: Anatomy) -> dict[str, Table]:
@@ -37,8 +42,15 @@ def motion_tables(motion: Motion, anatomy: Anatomy) -> dict[str, Table]:
 
 
 def write_csv(path: Path, table: Table) -> Path:
-    """Write a table as CSV, numbers with eight decimals."""
-    with replaced_when_complete(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+    """Write a table as CSV, numbers with eight decimals.
+
+    Raises:
+        OutputError: something stands there that is no table of these columns.
+    """
+    with (
+        replaced_if_own(path, table_of(list(table))) as partial,
+        partial.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(table)
         for row in zip(*table.values(), strict=True):
@@ -51,6 +63,7 @@ def write_parquet(path: Path, table: Table) -> Path:
 
     Raises:
         MotionError: pyarrow is not installed.
+        OutputError: something stands there that bonetrack did not write.
     """
     try:
         import pyarrow
@@ -58,8 +71,8 @@ def write_parquet(path: Path, table: Table) -> Path:
     except ImportError as error:
         raise MotionError("Parquet needs pyarrow", remedy="pip install 'bonetrack[tables]'") from error
     columns = {name: pyarrow.array(values, from_pandas=True) for name, values in table.items()}  # nan becomes null
-    with replaced_when_complete(path) as partial:
-        pyarrow.parquet.write_table(pyarrow.table(columns), str(partial))
+    with replaced_if_own(path, PARQUET) as partial:
+        pyarrow.parquet.write_table(pyarrow.table(columns, metadata={_KEY: "motion"}), str(partial))
     return path
 
 

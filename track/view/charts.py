@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from capture.files import replaced_when_complete
+from capture.own import PNG, replaced_if_own
 from track.motion import Motion
 from track.shown import known_thetas
 
@@ -38,5 +38,5 @@ def plot_angles(
         axes.set_ylabel(f"{anatomy.coordinates[i].name}\n(deg)")
     axes.set_xlabel("time (s)")
     figure.axes[0].legend(loc="upper right", fontsize="small")
-    with replaced_when_complete(path) as partial:
-        figure.savefig(partial, dpi=110)
+    with replaced_if_own(path, PNG) as partial:
+        figure.savefig(partial, dpi=110, metadata={"Software": "bonetrack"})

@@ -13,7 +13,7 @@ import numpy as np
 from adapt.anatomy import Floats, Ints
 from adapt.model.body import rest_theta
 from capture.cloud.fuse import Region
-from capture.files import replaced_when_complete
+from capture.own import HTML, HTML_META, refuse_foreign, replaced_if_own
 from track.view.frames import FrameContent, FrameStore, Posed, SeenPoints, Single, pose_body
 from track.view.layers import FAR_M, LARGEST_ERROR_M, Layers, Skin, first_eye, set_eye
 from track.view.scene import Scene
@@ -28,7 +28,9 @@ def write_embedded(scene: Scene, path: Path, *, most_frames: int = MOST_FRAMES, 
 
     Raises:
         ViewError: viser is not installed.
+        OutputError: something stands there that bonetrack did not write.
     """
+    refuse_foreign(path, HTML)  # told before the work, not after it
     server = start_server(port=_ANY_PORT)
     try:
         frames = FrameStore(scene, capacity=1, region=region)
@@ -48,7 +50,7 @@ def write_embedded(scene: Scene, path: Path, *, most_frames: int = MOST_FRAMES, 
         page = recorded.as_html()
     finally:
         stop_server(server)
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, HTML) as partial:
         partial.write_text(_with_caption(page, scene, step), encoding="utf-8")
     return len(chosen)
 
@@ -109,7 +111,7 @@ def _spread(vertices: Floats, about: int) -> Ints:
 
 
 def _with_caption(page: str, scene: Scene, step: int) -> str:
-    """The page with a title, and a caption that says what is seen."""
+    """The page with its writer, a title, and a caption that says what is seen."""
     parts = []
     if scene.body is not None:
         parts.append("translucent skin, bones inside")
@@ -126,6 +128,7 @@ def _with_caption(page: str, scene: Scene, step: int) -> str:
         "background:rgba(255,255,255,0.85);padding:8px 12px;border-radius:6px;z-index:5'>"
         f"<b>{escape(scene.title)}</b><br>{escape(words[:1].upper() + words[1:])}. Angles ± 1 SD. Drag to turn.</div>"
     )
+    page = page.replace("<head>", f"<head>{HTML_META}", 1)
     page = page.replace("<title>Viser</title>", f"<title>bonetrack: {escape(scene.title)}</title>", 1)
     end = page.rindex("</body>")
     return page[:end] + caption + page[end:]

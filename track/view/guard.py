@@ -85,5 +85,11 @@ def _is_this_machine(name: str, host: str) -> bool:
     try:
         ipaddress.ip_address(name)
     except ValueError:
-        return name in {"localhost", host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
+        return name in {"localhost", host.lower()} or name in _names_of_this_machine()
     return True
+
+
+@functools.cache
+def _names_of_this_machine() -> frozenset[str]:
+    """Asked for once: the full name may come from a name server, which each request would wait for."""
+    return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})

@@ -26,7 +26,7 @@ class HandPanel:
 
     ``frame`` tells the frame that is shown, ``start`` the pose (n,) that setting begins from, ``fit`` what becomes of a
     frame's pose (n,) when it is fitted to that frame's points. A pose set by hand belongs to the frame it was set for:
-    on another one it is neither shown nor saved.
+    on another one it is neither shown nor saved, but it is there again when its frame is, until the viewer ends.
     """
 
     def __init__(
@@ -42,10 +42,13 @@ class HandPanel:
     ) -> None:
         self._server, self._anatomy, self._path = server, anatomy, path
         self._frame, self._start, self._fitted, self._changed = frame, start, fit, changed
-        self._poses = {pose.frame: pose for pose in read_poses(path, anatomy)} if path.exists() else {}
-        self._theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])
-        self._of: int | None = None  # the frame that the pose was set for
-        self._before_fit: Floats | None = None
+        self._poses = self._read()
+        self._theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])  # what the sliders show
+        self._drafts: dict[int, Floats] = {}  # poses set by hand, by the frame they were set for
+        self._upon: dict[int, HandPose | None] = {}  # what was saved for a frame when setting its pose began
+        self._unsaved: set[int] = set()
+        self._followed: int | None = None  # the frame whose pose the sliders show
+        self._before_fit: tuple[int, Floats] | None = None
         self._setting = False
         self._on = server.gui.add_checkbox(
             "Show the pose set by hand", False, hint="Instead of the tracked pose of this frame"
@@ -67,7 +70,7 @@ class HandPanel:
         self._save = server.gui.add_button(f"Save into {path.name}")
         self._told = server.gui.add_markdown(self._list())
         self._on.on_update(lambda _: self._switched())
-        self._take.on_click(lambda _: self._begin())
+        self._take.on_click(lambda _: self._begin_anew())
         self._fit.on_click(lambda _: self._fit_from_here())
         self._undo.on_click(lambda _: self._undo_fit())
         self._save.on_click(lambda _: self._keep())
@@ -76,11 +79,30 @@ class HandPanel:
     @property
     def theta(self) -> Floats | None:
         """The pose (n,) set by hand for the frame that is shown, if it is to be shown."""
-        return self._theta.copy() if self._on.value and self._is_of_this_frame else None
+        draft = self._drafts.get(self._frame()) if self._on.value else None
+        return None if draft is None else draft.copy()
 
     @property
     def _is_of_this_frame(self) -> bool:
-        return self._of == self._frame()
+        frame = self._frame()
+        return frame in self._drafts and frame == self._followed
+
+    def follow(self) -> None:
+        """Let the sliders show the pose that belongs to the frame shown; of a frame they show already, do nothing."""
+        frame = self._frame()
+        if not self._on.value or frame == self._followed:
+            return
+        self._put(self._pose_of(frame))
+        self._name_of(frame)
+
+    def _pose_of(self, frame: int) -> Floats:
+        """What was set for a frame, else what is saved for it, else what setting begins from."""
+        if frame in self._drafts:
+            return self._drafts[frame]
+        return self._poses[frame].theta if frame in self._poses else self._start()
+
+    def _name_of(self, frame: int) -> None:
+        self._name.value = self._poses[frame].name if frame in self._poses else f"frame {frame}"
 
     def _slider(self, coordinate: Coordinate) -> Any:
         low, high = as_shown(coordinate, coordinate.low), as_shown(coordinate, coordinate.high)
@@ -99,19 +121,28 @@ class HandPanel:
             self._changed()
 
     def _begin(self) -> None:
-        self._of = self._frame()
-        kept = self._poses.get(self._of)
-        self._set(self._start() if kept is None else kept.theta)
-        self._name.value = f"frame {self._of}" if kept is None else kept.name
+        frame = self._frame()
+        if frame not in self._drafts:
+            self._upon[frame] = self._poses.get(frame)
+        self._set(self._pose_of(frame))
+        self._name_of(frame)
         self._forget_fit()
         self._changed()
+
+    def _begin_anew(self) -> None:
+        """Give up what was set for this frame and not saved, as the button says."""
+        self._drafts.pop(self._frame(), None)
+        self._unsaved.discard(self._frame())
+        self._told.content = self._list()
+        self._begin()
 
     def _fit_from_here(self) -> None:
         """Replace the pose by the one that is reached from it, if that fits; it can be undone."""
         if not self._on.value or not self._is_of_this_frame:
             self._on.value = True
             self._begin()
-        frame, set_by_hand = self._frame(), self._theta.copy()
+        frame = self._frame()
+        set_by_hand = self._drafts[frame].copy()
         self._fit.disabled, self._said.content = True, "Fitting ..."
         try:
             found = self._fitted(frame, set_by_hand)
@@ -123,15 +154,18 @@ class HandPanel:
         if found.lost:
             self._said.content = f"**Not fitted**: {found.lost}. Set the pose nearer to the points, and fit again."
             return
-        self._set(found.theta)
-        self._of = frame  # whichever frame is shown by now
-        self._before_fit, self._undo.disabled = set_by_hand, False
+        self._drafts[frame] = self._inside(found.theta)  # whichever frame is shown by now
+        if frame == self._frame():
+            self._put(found.theta)
+        self._note(frame)
+        self._before_fit, self._undo.disabled = (frame, set_by_hand), False
         self._said.content = _fit_in_words(found, self._anatomy)
         self._changed()
 
     def _undo_fit(self) -> None:
-        if self._before_fit is not None and self._is_of_this_frame:
-            self._set(self._before_fit)
+        if self._before_fit is not None and self._before_fit[0] == self._frame():
+            self._set(self._before_fit[1])
+            self._note(self._frame())
             self._forget_fit()
             self._changed()
 
@@ -139,7 +173,19 @@ class HandPanel:
         self._before_fit, self._undo.disabled, self._said.content = None, True, ""
 
     def _set(self, theta: Floats) -> None:
+        """Make a pose that of the frame shown."""
+        self._put(theta)
+        self._drafts[self._frame()] = self._theta.copy()
+
+    def _note(self, frame: int) -> None:
+        """Say that a frame's pose was changed and is not saved yet."""
+        if frame not in self._unsaved:
+            self._unsaved.add(frame)
+            self._told.content = self._list()
+
+    def _put(self, theta: Floats) -> None:
         """Put a pose into the sliders and the handle."""
+        self._followed = self._frame()
         self._setting = True
         try:
             self._theta = self._inside(theta)
@@ -168,7 +214,9 @@ class HandPanel:
         # A slider holds a rounded value: only those that a person moved count.
         moved = np.abs(values - self._theta) > np.array([_step(c) for c in self._anatomy.coordinates])
         self._theta = self._inside(np.where(moved, values, self._theta))
+        self._drafts[self._frame()] = self._theta.copy()
         self._place_gizmo()
+        self._note(self._frame())
         self._changed()
 
     def _dragged(self) -> None:
@@ -182,6 +230,7 @@ class HandPanel:
         theta[turn] = log_so3(Rotation.from_quat(np.asarray(self._gizmo.wxyz), scalar_first=True).as_matrix())
         theta[shift] = np.asarray(self._gizmo.position)
         self._set(theta)
+        self._note(self._frame())
         self._changed()
 
     def _place_gizmo(self) -> None:
@@ -191,25 +240,48 @@ class HandPanel:
 
     def _keep(self) -> None:
         frame = self._frame()
-        if frame != self._of:
-            told = "no pose was set yet" if self._of is None else f"the pose was set for frame {self._of}"
+        if frame not in self._drafts:
+            others = ", ".join(map(str, sorted(self._drafts)))
+            told = f"the pose was set for frame {others}" if others else "no pose was set yet"
             self._told.content = f"**Not saved**: {told}, and this is frame {frame}. Begin from the pose of this frame."
             return
-        others = {number: pose for number, pose in self._poses.items() if number != frame}
-        pose = HandPose(self._name.value.strip() or f"frame {frame}", frame, self._theta.copy())
+        pose = HandPose(self._name.value.strip() or f"frame {frame}", frame, self._drafts[frame])
+        known = self._upon.get(frame)
         try:
-            write_poses(self._path, self._anatomy, [*others.values(), pose])
+            self._poses = self._read()  # another viewer may have saved there meanwhile
+            self._upon[frame] = self._poses.get(frame)
+            if _differ(known, self._upon[frame]):
+                words = f"another viewer saved or changed a pose of frame {frame} meanwhile; save again to replace it."
+                self._told.content = f"**Not saved**: {words}\n\n{self._list()}"
+                return
+            write_poses(self._path, self._anatomy, (self._poses | {frame: pose}).values())
+            self._poses = self._read()
+            self._upon[frame] = self._poses.get(frame)
         except (BonetrackError, OSError) as error:
             self._told.content = f"**Not saved**: {error}"
             return
-        self._poses = others | {frame: pose}
+        self._unsaved.discard(frame)
         self._told.content = self._list()
 
+    def _read(self) -> dict[int, HandPose]:
+        """What stands in the file now, by frame."""
+        return {pose.frame: pose for pose in read_poses(self._path, self._anatomy)} if self._path.exists() else {}
+
     def _list(self) -> str:
-        if not self._poses:
-            return f"No pose saved yet in `{self._path}`."
-        rows = [f"- frame {pose.frame}: {pose.name}" for pose in sorted(self._poses.values(), key=lambda p: p.frame)]
-        return "\n".join([f"Saved in `{self._path}`:", "", *rows])
+        lines = [f"No pose saved yet in `{self._path}`."]
+        if self._poses:
+            rows = [f"- frame {frame}: {pose.name}" for frame, pose in sorted(self._poses.items())]
+            lines = [f"Saved in `{self._path}`:", "", *rows]
+        if self._unsaved:
+            frames = ", ".join(map(str, sorted(self._unsaved)))
+            lines += ["", f"**Not saved yet**: frame {frames}. Go there and save, or it ends with the viewer."]
+        return "\n".join(lines)
+
+
+def _differ(one: HandPose | None, other: HandPose | None) -> bool:
+    if one is None or other is None:
+        return one is not other
+    return one.name != other.name or not np.array_equal(one.theta, other.theta)
 
 
 def _fit_in_words(found: TrackedFrame, anatomy: Anatomy) -> str:

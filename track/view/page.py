@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import BonetrackError
+from capture.own import HTML_META
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -27,7 +28,8 @@ def page(title: str, lead: str, sections: Sequence[tuple[str, str]]) -> str:
         f"<section id='{_anchor(name)}'>\n<h2>{escape(name)}</h2>\n{content}\n</section>" for name, content in sections
     )
     return (
-        "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
+        "<!doctype html>\n<html lang='en'>\n<head>\n"
+        f"{HTML_META}\n<meta charset='utf-8'>\n"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
         f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n<script>{_plotly_js()}</script>\n</head>\n<body>\n"
         f"<header><h1>{escape(title)}</h1>\n<p>{lead}</p>\n<nav aria-label='Sections'>{links}</nav></header>\n"

@@ -13,6 +13,7 @@ from adapt.anatomy import Floats, Ints
 from capture._open3d import open3d
 from capture.camera import Camera, project
 from capture.files import replaced_when_complete
+from capture.own import marked_png
 from capture.rigid import apply, inverse, transform
 
 SKIN, BONE, CLOUD = (0.87, 0.66, 0.55), (0.96, 0.94, 0.86), (0.10, 0.35, 0.75)
@@ -73,11 +74,12 @@ def render(
 
 
 def save_png(image: NDArray[np.uint8], path: Path) -> None:
-    """Write an RGB image (H, W, 3)."""
+    """Write an RGB image (H, W, 3) as PNG with the mark of ``capture.own``."""
     import cv2
 
+    _, encoded = cv2.imencode(".png", image[:, :, ::-1])
     with replaced_when_complete(path) as partial:
-        cv2.imwrite(str(partial), image[:, :, ::-1])
+        partial.write_bytes(marked_png(encoded.tobytes()))
 
 
 def _cast(layer: Layer, world_from_eye: Floats, camera: Camera) -> tuple[Floats, Floats]:

@@ -12,7 +12,7 @@ import numpy as np
 from adapt.fit.never_seen import guessed_lengths
 from adapt.model.body import rest_theta
 from adapt.subject import Subject, doubts
-from capture.files import replaced_when_complete
+from capture.own import HTML, refuse_foreign, replaced_if_own
 from capture.recording import Recording
 from capture.settings import sensors_in_words, version_of, versions
 from track.belonging import tracked_elsewhere
@@ -34,9 +34,11 @@ def write_report(motion: Motion, subject: Subject, recording: Recording | None, 
 
     Raises:
         ReportError: plotly is not installed.
+        OutputError: something stands there that bonetrack did not write.
         MotionError: motion, subject and recording do not belong together.
     """
     refuse_without_plotly()
+    refuse_foreign(path, HTML)  # told before the work, not after it
     scene = motion_scene(motion, subject, recording, title=title)
     evaluation = None
     if recording is not None and scene.truth is not None:
@@ -53,7 +55,7 @@ def write_report(motion: Motion, subject: Subject, recording: Recording | None, 
         ("Limits", bullets(_LIMITS)),
     ]
     text = page(f"Tracked motion, {motion.anatomy}", f"{_lead(scene)} {_doubts(scene, subject)}".strip(), sections)
-    with replaced_when_complete(path) as partial:
+    with replaced_if_own(path, HTML) as partial:
         partial.write_text(text, encoding="utf-8")
 
 

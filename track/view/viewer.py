@@ -96,6 +96,8 @@ class Viewer:
     def show(self, k: int) -> None:
         """Show frame k: at once what is quick to make, the cloud as soon as it is there."""
         with self._lock:
+            if self._hand is not None and not self.timeline_plays:
+                self._hand.follow()
             theta = self._theta(k)
             content = self.frames.ready(k) or self._quick(k)
             if self._hand is not None and self._hand.theta is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from capture.files import replaced_when_complete
+from capture.own import page_of, replaced_if_own
 from track.evaluation.benchmark.growth import Curve, slope
 from track.evaluation.benchmark.others import Comparison
 from track.evaluation.benchmark.processes import Process
@@ -39,9 +39,14 @@ class Results:
 
 
 def write_page(results: Results, path: Path) -> None:
-    """Write the page."""
-    with replaced_when_complete(path) as partial:
-        partial.write_text(page(results), encoding="utf-8")
+    """Write the page.
+
+    Raises:
+        OutputError: another page stands there.
+    """
+    text = page(results)
+    with replaced_if_own(path, page_of(text)) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def page(results: Results) -> str:

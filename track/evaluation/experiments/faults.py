@@ -111,8 +111,7 @@ def _sensor_dies(scene: Scene, folder: Path) -> Recording:
 
 def _swapped(scene: Scene, folder: Path) -> Recording:
     copy = folder / "recording"
-    shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(scene.known.recording.path, copy)
+    shutil.copytree(scene.known.recording.path, copy, dirs_exist_ok=True)
     listed = copy / scene.known.recording.sensors[0].name / "frames.csv"
     lines = listed.read_text(encoding="utf-8").split("\n")
     middle = len(lines) // 2

@@ -49,7 +49,7 @@ class Told:
 
 def bonetrack(*arguments: str | Path, limit_s: float = _LIMIT_S) -> Told:
     """Run ``bonetrack ARGUMENTS`` with this Python and this checkout."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path), "COLUMNS": "1000"}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path)}
     command = [sys.executable, "-c", _PROGRAM, *map(str, arguments)]
     try:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=limit_s, check=False)
