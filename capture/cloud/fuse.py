@@ -14,7 +14,7 @@ from capture.cloud.background import background_planes, without_planes
 from capture.cloud.normals import surface_at
 from capture.cloud.patches import Pixels
 from capture.cloud.preprocess import Image, Mask, boundary, clean_depth
-from capture.cloud.region import automatic_region
+from capture.cloud.region import Found, automatic_region, find_region
 from capture.compiled import compiled
 from capture.errors import CloudError
 from capture.files import replaced_when_complete
@@ -88,10 +88,15 @@ def fuse(
     )
 
 
-@lru_cache(maxsize=8)
 def region_of_interest(recording: Recording) -> Region:
-    """The region that the recording states, else an automatic one, worked out once."""
-    return recording.region or automatic_region(recording)
+    """The region that the recording states, else an automatic one."""
+    return recording.region or found_region(recording).region
+
+
+@lru_cache(maxsize=8)
+def found_region(recording: Recording) -> Found:
+    """The automatic region of a recording, worked out once."""
+    return find_region(recording)
 
 
 def view_points(view: View, region: Region, *, spacing_m: float) -> tuple[Floats, Floats, Mask]:
