@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera import Camera, ray_slopes
-from capture.cloud.background import background_planes, without_planes
+from capture.cloud.background import backgrounds, planes_in, without_planes
 from capture.cloud.normals import surface_at
 from capture.cloud.patches import Pixels
 from capture.cloud.preprocess import Image, Mask, boundary, clean_depth
@@ -159,7 +159,7 @@ def write_ply(cloud: Cloud, path: Path) -> None:
 def _view(recording: Recording, instant: Instant, name: str) -> View:
     sensor = recording.sensor(name)
     depth = clean_depth(read_depth(sensor, instant.frames[name]), sensor.camera)
-    depth = without_planes(depth, sensor.camera, background_planes(recording)[name])
+    depth = without_planes(depth, sensor.camera, planes_in(depth, sensor.camera, backgrounds(recording)[name]))
     return View(name, sensor.camera, world_from_sensor(recording, name), depth)
 
 
