@@ -195,3 +195,10 @@ def test_settings_tell_what_was_left_out(tmp_path):
     (line,) = sensors_in_words(region_used(recording, None))
     assert line.startswith("left out of the region: what does not move at 0.5")
     assert not sensors_in_words(region_used(recording, find_region(recording).region))
+
+
+def test_a_cup_on_a_table_is_nobody(tmp_path):
+    with RecordingWriter(tmp_path / "rec", sensors=[SENSOR], created_by="test") as writer:
+        writer.add_frame("s", scene(FLOOR, WALL, ball(0.0, 0.0, 0.8, 0.055)), 0.0)
+    with pytest.raises(CloudError, match=r"\d+ x \d+ x \d+ cm, smaller than a limb; .*--unit-mm"):
+        automatic_region(open_recording(tmp_path / "rec"))

@@ -26,6 +26,7 @@ from capture.rigid import Floats, apply
 MARGIN_M = 0.10
 INSTANTS_LOOKED_AT = 12
 
+_SMALLEST_LIMB_M = 0.15  # the longest side of a box around it: a child's hand and forearm are twice as long
 _LARGE_PATCH_M2 = 0.005  # a fist covers about this much
 _MAIN_PATCH_SHARE = 0.25  # of the largest patch's area: the nearest patch of at least this is the person
 _REACH_FORWARD_M = 0.60  # the same for patches nearer to the sensor: a fist may hide the arm behind it
@@ -56,7 +57,7 @@ def find_region(recording: Recording, at: Sequence[Instant] | None = None, *, ne
 
     Raises:
         CloudError: no person-like patch in any of them, or several people who could be meant, or what is found is
-            larger than a person.
+            smaller than a limb or larger than a person.
         RecordingError: an image cannot be read.
         CalibrationError: where a sensor stands is not known.
     """
@@ -76,6 +77,7 @@ def find_region(recording: Recording, at: Sequence[Instant] | None = None, *, ne
         subject, still = choose(recording, at, everybody)
     else:
         subject, still = min(everybody, key=lambda one: one.distance_to(near)), []
+    _refuse_smaller_than_a_limb(recording, subject)
     _refuse_larger_than_a_person(recording, subject)
     minimum, maximum = (np.stack([getattr(one, end) for one in subject.seen]) for end in ("minimum", "maximum"))
     region = Region(minimum.min(axis=0) - MARGIN_M, maximum.max(axis=0) + MARGIN_M)
@@ -98,6 +100,19 @@ def _people_seen(recording: Recording, at: Sequence[Instant], number: int) -> li
             nearest, is_minor = k == 0, k >= len(people)
             seen.append(Seen(number, at[number].time_s, name, some_of(points), *box, area, nearest, is_minor))
     return seen
+
+
+def _refuse_smaller_than_a_limb(recording: Recording, subject: Candidate) -> None:
+    """A cup on a table that was taken away as a plane is all that is left, and no limb."""
+    size = max((size for _, size in subject.sizes()), key=lambda sides: float(sides.max()))
+    if size.max() < _SMALLEST_LIMB_M:
+        sides = " x ".join(f"{100.0 * side:.0f}" for side in size)
+        raise CloudError(
+            f"what was found automatically is {sides} cm, smaller than a limb",
+            where=recording.path,
+            remedy="if that is the limb, the depth unit is wrong (`bonetrack import --unit-mm`); else state where the "
+            "limb is with `--region X0 Y0 Z0 X1 Y1 Z1`",
+        )
 
 
 def _refuse_larger_than_a_person(recording: Recording, subject: Candidate) -> None:
