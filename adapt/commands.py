@@ -102,7 +102,7 @@ def print_subject(subject: Subject, out: Path) -> None:
 
 
 def print_sensors(settings: Mapping[str, Any]) -> None:
-    """What was mended, and how many frames of each sensor were used, with a warning where few were."""
+    """What was mended or left out, and how many frames of each sensor were used, with a warning where few were."""
     from capture.settings import sensors_in_words
 
     for line in sensors_in_words(settings):

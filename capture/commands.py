@@ -490,13 +490,17 @@ def fuse_command(
 
     from capture.cloud.fuse import fuse, write_ply
     from capture.recording import instants, open_recording
+    from capture.settings import region_used, sensors_in_words
 
     opened = open_recording(recording)
     every = instants(opened)
     if frame >= len(every):
         raise RecordingError(f"has no frame {frame}", where=recording, remedy=f"its frames are 0 to {len(every) - 1}")
-    cloud = fuse(opened, every[frame], region=region_near(opened, region, near))
+    chosen = region_near(opened, region, near)
+    cloud = fuse(opened, every[frame], region=chosen)
     write_ply(cloud, out)
+    for line in sensors_in_words(region_used(opened, chosen)):
+        stdout.print(line, highlight=False, soft_wrap=True)
     if opened.common_frame_is_sensor:
         stdout.print("not calibrated: coordinates are the sensor's own (x right, y down, z forward)", highlight=False)
     stdout.print(

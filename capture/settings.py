@@ -11,7 +11,7 @@ from dataclasses import asdict
 from importlib import metadata
 from typing import Any
 
-from capture.cloud.fuse import region_of_interest
+from capture.cloud.fuse import found_region, region_of_interest
 from capture.recording import FramesUsed, Recording, Region, frames_used, used_in_words
 from capture.recording.fingerprint import fingerprint
 
@@ -42,10 +42,14 @@ def recording_used(recording: Recording) -> dict[str, str]:
 
 
 def region_used(recording: Recording, given: Region | None) -> dict[str, Any]:
-    """The region (m, in the common frame) that a recording's clouds are cut out with, and where it comes from."""
+    """The region (m, in the common frame) that a recording's clouds are cut out with, and where it comes from.
+
+    Of an automatic one also lines that say what else was there of a person's size.
+    """
     region = given or region_of_interest(recording)
     source = "given" if given is not None else "automatic" if recording.region is None else "of the recording"
-    return {"region": source, "region_minimum_m": region.minimum.tolist(), "region_maximum_m": region.maximum.tolist()}
+    used = {"region": source, "region_minimum_m": region.minimum.tolist(), "region_maximum_m": region.maximum.tolist()}
+    return used | ({"left_out": list(found_region(recording).left_out)} if source == "automatic" else {})
 
 
 def sensors_used(recording: Recording) -> dict[str, Any]:
@@ -54,10 +58,12 @@ def sensors_used(recording: Recording) -> dict[str, Any]:
 
 
 def sensors_in_words(settings: Mapping[str, Any]) -> list[str]:
-    """What people are told of ``sensors_used``, which stands in settings; nothing of settings without it.
+    """What people are told of ``sensors_used`` and ``region_used``, which stand in settings; nothing of others.
 
     >>> sensors_in_words({"frames_used": [{"sensor": "a", "total": 9, "used": 9, "stale": 0}], "mended": []})
     ['frames used: a 9 of 9']
     """
     used = [FramesUsed(**one) for one in settings.get("frames_used", [])]
-    return [*(f"mended: {line}" for line in settings.get("mended", [])), *(used_in_words(used) if used else [])]
+    told = [f"mended: {line}" for line in settings.get("mended", [])]
+    told += [f"left out of the region: {line}" for line in settings.get("left_out", [])]
+    return told + (used_in_words(used) if used else [])

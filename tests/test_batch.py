@@ -19,6 +19,7 @@ import track.batch.run
 from capture.errors import CloudError
 from capture.recording import open_recording
 from tests.known_limb import ANATOMY, KnownLimb
+from tests.test_region import LEFT, RIGHT, swinging
 from track.batch.items import BatchError, Item, read_items
 from track.batch.run import TABLE, run_batch, write_table
 from track.batch.work import Row, adapt_and_track, finished, run_item
@@ -118,6 +119,26 @@ def test_a_table_states_names_subjects_and_regions(tmp_path: Path) -> None:
     assert full == Item("walk-arm", tmp_path / "r/walk", "arm", tmp_path / "s.npz", (-1.0, -1.0, -1.0, 1.0, 1.0, 1.5))
 
 
+def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_path: Path, monkeypatch) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text("recording,anatomy,near\nr,leg,\nr2,leg,0.6 0 1.8\n")
+    anybody, somebody = read_items(table)
+    assert "near" not in anybody.described()  # as earlier versions wrote it
+    assert somebody.described()["near"] == [0.6, 0.0, 1.8]
+    swinging(tmp_path / "r2", LEFT, RIGHT)
+    regions = []
+
+    def noted(recording, subject, out, *, region):
+        regions.append(region)
+        raise CloudError("far enough")
+
+    monkeypatch.setattr("track.run.track_recording", noted)
+    monkeypatch.setattr("adapt.subject.load_subject", lambda *_, **__: None)
+    with pytest.raises(CloudError, match="far enough"):
+        adapt_and_track(replace(somebody, subject=tmp_path / "s.npz"), tmp_path / "out")
+    assert 0.0 < regions[0].minimum[0] < 0.6 < regions[0].maximum[0]
+
+
 @pytest.mark.parametrize(
     ("content", "saying"),
     [
@@ -130,6 +151,9 @@ def test_a_table_states_names_subjects_and_regions(tmp_path: Path) -> None:
         ("recording,anatomy,name\nr,leg,../r\n", "cannot name a folder"),
         ("recording,anatomy,region\nr,leg,0 0 0 1 1\n", "is no region"),
         ("recording,anatomy,region\nr,leg,0 0 0 1 -1 1\n", "is no region"),
+        ("recording,anatomy,near\nr,leg,0 0\n", "is no point; give x y z"),
+        ("recording,anatomy,near\nr,leg,0 0 nan\n", "is no point"),
+        ("recording,anatomy,region,near\nr,leg,0 0 0 1 1 1,0 0 0\n", "both a region and a point"),
         ("recording,anatomy\n", "there are no recordings"),
     ],
 )

@@ -15,8 +15,10 @@ from click.testing import CliRunner
 from adapt.model.body import pose_skin
 from adapt.subject import save_subject
 from capture.errors import BonetrackError
+from capture.recording import Region
 from tests.known_limb import KnownLimb
 from tests.known_motion import HIDDEN, known_motion, reported_subject
+from tests.test_region import LEFT, RIGHT, swinging
 from track.motion import MotionError, save_motion
 from track.poses_by_hand import HandPose, PosesError, from_shown, read_poses, write_poses
 from track.settings import Settings
@@ -434,3 +436,23 @@ def test_the_scene_is_one_file_with_all_its_frames(scene: Scene, tmp_path: Path)
     data = re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)
     assert data is not None
     assert 2e5 < len(base64.b64decode(data.group(1))) < 3e6
+
+
+def test_a_point_chooses_whose_points_are_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording, regions = swinging(tmp_path / "rec", LEFT, RIGHT), []
+
+    def noted(scene: Scene, html: Path, *, region: Region | None) -> int:
+        html.touch()
+        regions.append(region)
+        return 0
+
+    monkeypatch.setattr("track.view.embedded.write_embedded", noted)
+    command = [str(recording.path), "--html", str(tmp_path / "scene.html"), "--near", "0.6", "0", "1.8"]
+    assert CliRunner().invoke(view_command, command).exit_code == 0
+    assert 0.0 < regions[0].minimum[0] < 0.6 < regions[0].maximum[0]
+
+
+def test_a_point_needs_a_recording(folder: Path) -> None:
+    result = CliRunner().invoke(view_command, [str(folder / "subject.npz"), "--near", "0", "0", "1"])
+    assert result.exit_code == 2
+    assert "needs a recording" in result.output

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera import Camera, ray_slopes
-from capture.cloud.background import background_planes, without_planes
+from capture.cloud.background import backgrounds, planes_in, without_planes
 from capture.cloud.normals import surface_at
 from capture.cloud.patches import Pixels
 from capture.cloud.preprocess import Image, Mask, boundary, clean_depth
-from capture.cloud.region import automatic_region
+from capture.cloud.region import Found, automatic_region, find_region
 from capture.compiled import compiled
 from capture.errors import CloudError
 from capture.own import WRITTEN, replaced_if_own, words
@@ -92,10 +92,15 @@ def fuse(
     )
 
 
-@lru_cache(maxsize=8)
 def region_of_interest(recording: Recording) -> Region:
-    """The region that the recording states, else an automatic one, worked out once."""
-    return recording.region or automatic_region(recording)
+    """The region that the recording states, else an automatic one."""
+    return recording.region or found_region(recording).region
+
+
+@lru_cache(maxsize=8)
+def found_region(recording: Recording) -> Found:
+    """The automatic region of a recording, worked out once."""
+    return find_region(recording)
 
 
 def view_points(view: View, region: Region, *, spacing_m: float) -> tuple[Floats, Floats, Mask]:
@@ -163,7 +168,7 @@ def write_ply(cloud: Cloud, path: Path) -> None:
 def _view(recording: Recording, instant: Instant, name: str) -> View:
     sensor = recording.sensor(name)
     depth = clean_depth(read_depth(sensor, instant.frames[name]), sensor.camera)
-    depth = without_planes(depth, sensor.camera, background_planes(recording)[name])
+    depth = without_planes(depth, sensor.camera, planes_in(depth, sensor.camera, backgrounds(recording)[name]))
     late_s = instant.frames[name].time_s - instant.time_s
     return View(name, sensor.camera, world_from_sensor(recording, name), depth, late_s)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from capture.errors import BonetrackError
 
 _MARK = "recording.json"
 _NEEDED = {"recording", "anatomy"}
-_KNOWN = (*sorted(_NEEDED), "name", "region", "subject")
+_KNOWN = (*sorted(_NEEDED), "name", "near", "region", "subject")
 
 
 class BatchError(BonetrackError):
@@ -23,7 +24,8 @@ class BatchError(BonetrackError):
 class Item:
     """One recording to be tracked, and under which name its results are kept.
 
-    Without a ``subject`` the anatomy is adapted to the recording first. The ``region`` is x0 y0 z0 x1 y1 z1 (m).
+    Without a ``subject`` the anatomy is adapted to the recording first. The ``region`` is x0 y0 z0 x1 y1 z1 (m), and
+    ``near`` a point x y z (m) that tells who of several is meant.
     """
 
     name: str
@@ -31,19 +33,23 @@ class Item:
     anatomy: str
     subject: Path | None = None
     region: tuple[float, ...] | None = None
+    near: tuple[float, ...] | None = None
 
     def described(self) -> dict[str, Any]:
-        """The item as JSON keeps it."""
+        """The item as JSON keeps it; a point only where one is stated, for earlier versions knew none."""
         subject = None if self.subject is None else str(self.subject)
         region = None if self.region is None else list(self.region)
-        return asdict(self) | {"recording": str(self.recording), "subject": subject, "region": region}
+        described = asdict(self) | {"recording": str(self.recording), "subject": subject, "region": region}
+        del described["near"]
+        return described if self.near is None else described | {"near": list(self.near)}
 
 
 def read_items(source: Path, *, anatomy: str | None = None) -> list[Item]:
     """The items of a folder that holds recordings, or of a CSV file.
 
     A CSV file has the columns ``recording`` and ``anatomy``, and may have ``name`` (else the recording's folder name),
-    ``subject`` and ``region`` (six numbers, m, separated by spaces). Paths are relative to the file's folder.
+    ``subject``, and ``region`` or ``near`` (six or three numbers, m, separated by spaces). Paths are relative to the
+    file's folder.
 
     Args:
         source: the folder or the file.
@@ -91,12 +97,15 @@ def _item(line: dict[str, str | None], path: Path, number: int, anatomy: str | N
     name = value["name"] or recording.name
     if Path(name).name != name:
         raise BatchError(f"{name!r} cannot name a folder", where=where, remedy="use a name without slashes")
+    if value["region"] and value["near"]:
+        raise BatchError("states both a region and a point", where=where, remedy="leave one of them empty")
     return Item(
         name,
         recording,
         _anatomy(value["anatomy"] or anatomy, where),
         (path.parent / value["subject"]).resolve() if value["subject"] else None,
         _region(value["region"], where),
+        _near(value["near"], where),
     )
 
 
@@ -109,10 +118,24 @@ def _anatomy(name: str | None, where: str | Path) -> str:
 def _region(text: str, where: str) -> tuple[float, ...] | None:
     if not text:
         return None
-    try:
-        numbers = tuple(float(part) for part in text.split())
-    except ValueError:
-        numbers = ()
+    numbers = _numbers(text)
     if len(numbers) != 6 or not all(low < high for low, high in zip(numbers[:3], numbers[3:], strict=True)):
         raise BatchError(f"{text!r} is no region", where=where, remedy="give x0 y0 z0 x1 y1 z1 in m, lowest first")
     return numbers
+
+
+def _near(text: str, where: str) -> tuple[float, ...] | None:
+    if not text:
+        return None
+    numbers = _numbers(text)
+    if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
+        raise BatchError(f"{text!r} is no point", where=where, remedy="give x y z in m")
+    return numbers
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """The numbers that a text consists of; none if it holds anything else."""
+    try:
+        return tuple(float(part) for part in text.split())
+    except ValueError:
+        return ()

@@ -78,11 +78,14 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     from adapt.anatomy import load_anatomy
     from adapt.run import adapt_into
     from adapt.subject import load_subject
+    from capture.cloud.region import automatic_region
     from capture.recording import Region, frames_used, open_recording
     from track.run import track_recording
 
     recording = _calibrated(open_recording(item.recording))
     region = None if item.region is None else Region(np.array(item.region[:3]), np.array(item.region[3:]))
+    if item.near is not None:
+        region = automatic_region(recording, near=np.array(item.near))
     subject_file = item.subject or folder / "subject.npz"
     if item.subject is None and not subject_file.is_file():
         adapt_into(subject_file, recording, load_anatomy(item.anatomy), region=region)
@@ -125,6 +128,7 @@ def _row(name: str, motion, subject, used, mended) -> Row:  # type: ignore[no-un
     counts = {
         bone: int((tracked & ~shown).sum()) for bone, shown in zip(motion.transforms, motion.shown.T, strict=True)
     }
+    left_out = [] if motion.settings is None else motion.settings.options.get("left_out", [])
     return Row(
         name,
         frames=len(tracked),
@@ -132,7 +136,14 @@ def _row(name: str, motion, subject, used, mended) -> Row:  # type: ignore[no-un
         residual_mm=round(1e3 * float(np.median(motion.residuals[tracked])), 3) if tracked.any() else None,
         hidden=", ".join(f"{bone} {count}" for bone, count in counts.items() if count),
         used=", ".join(f"{one.sensor} {one.used}/{one.total}" for one in used),
-        warning="; ".join([*mended, *used_in_words(used)[1:], *doubts(subject)]),
+        warning="; ".join(
+            [
+                *mended,
+                *(f"left out of the region: {line}" for line in left_out),
+                *used_in_words(used)[1:],
+                *doubts(subject),
+            ]
+        ),
     )
 
 

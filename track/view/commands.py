@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from capture.commands import as_region, region_option
+from capture.commands import as_region, near_option, region_near, region_option
 from capture.console import stdout
 
 _PATH = click.Path(path_type=Path)
@@ -27,6 +27,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--host", default="127.0.0.1", show_default=True, help="0.0.0.0 lets other machines look, too.")
 @click.option("--port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="The first to try.")
 @region_option
+@near_option
 def view_command(
     source: Path,
     subject: Path | None,
@@ -36,14 +37,17 @@ def view_command(
     host: str,
     port: int,
     region: tuple[float, ...] | None,
+    near: tuple[float, ...] | None,
 ) -> None:
     """Look at SOURCE, a recording, a subject or a motion, in the browser: skin, bones, points, angles over time."""
     from track.belonging import adapted_elsewhere
     from track.view.scene import open_scene
 
-    chosen = as_region(region)
     scene = open_scene(source, subject=subject, recording=recording)
     person, seen = scene.subject, scene.recording
+    if seen is None and near is not None:
+        raise click.BadParameter("needs a recording, in which somebody is near it", param_hint="--near")
+    chosen = as_region(region) if seen is None else region_near(seen, region, near)
     if person is not None and seen is not None and (elsewhere := adapted_elsewhere(person, seen)):
         stdout.print(elsewhere, highlight=False)
     if html is not None:

@@ -100,5 +100,6 @@ MAKERS: dict[str, Callable[[int, Path], Made]] = {
     "therapist holds the wrist": held_at_the_wrist,
     "two arms of one person": beside(mirrored_name(ARM)),
     "two right arms": beside(ARM),
+    "two right arms far apart": beside(ARM, apart_m=1.2),
     "somebody stands behind": somebody_behind,
 }

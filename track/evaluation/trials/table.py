@@ -21,6 +21,7 @@ _RECORDED = {  # by the maker's name: what is tried, what came out
     ),
     "two arms of one person": ("both arms of one person in view", ""),
     "two right arms": ("the right arms of two people in view", ""),
+    "two right arms far apart": ("the right arms of two people, 1.2 m apart", ""),
     "somebody stands behind": ("somebody stands half a metre behind the arm", ""),
     "right arm asked as left": ("`upper-limb-left` asked of a right arm", _SIDE),
     "left arm asked as right": ("`upper-limb-right` asked of a left arm", ""),
