@@ -24,7 +24,7 @@ from capture.rigid import Floats
 
 _TOLERANCE_M = 0.02
 _TOLERANCE_STEPS = 2.0 * DEPTH_STEP  # 1 / m: two steps of a reading, more than 2 cm beyond 1.9 m
-_LEAST_NOISE, _MOST_NOISE = 0.5, 1.5  # times that tolerance: how quiet and how noisy a sensor is believed to be
+_LEAST_NOISE, _MOST_NOISE = 0.75, 1.5  # times that tolerance: shoes and floor run into each other below 1.5 cm
 _NOISE_QUANTILE, _NOISE_FACTOR = 0.9, 2.0  # this much of the distance that so many readings keep: 3.3 deviations
 _SHARE = 0.25  # of the readings left
 _SIDES_M = (1.2, 0.6)  # larger than any flat side of a person
