@@ -19,8 +19,8 @@ from capture.own import arrays_of, replaced_if_own
 
 FORMAT = "bonetrack-subject"
 MARK = arrays_of(FORMAT)
-SMALL = 0.75
-"""Size against the template below which what is stated was found to be too sure (docs/limits.md)."""
+_USUAL = (0.88, 1.12)  # size against the template; grown-ups from about 1.55 to 1.97 m
+_TEMPLATE_M = 1.76  # the template's stature
 VERSION = 2  # 1: the covariance is that of the shape alone
 _MOST_BYTES = 16 << 20  # of one array, a hundred times the largest of the shipped anatomies'
 _KNOWN = dict.fromkeys(("description", "shape", "displacement", "thetas", "times", "covariance"), _MOST_BYTES)
@@ -59,12 +59,19 @@ def doubts(subject: Subject) -> list[str]:
     if "side" in subject.report and not (side is not None and side["told"]):  # an older file says nothing of its side
         told.append(f"the data do not tell that it is a {subject.anatomy.side} limb: the asked side is taken on trust")
     size = overall_size(subject.body)
-    if size < SMALL:
+    if _by_one_camera(subject) and not _USUAL[0] < size < _USUAL[1]:
         told.append(
-            f"a body this small ({size:.2f} of the template) is followed worse than is stated: turns of the forearm "
-            "were off by 20 degrees in the mean in trials"
+            f"the person came out {size:.2f} times as large as the template, {_TEMPLATE_M * size:.2f} m tall if all of "
+            "the body is so, and one camera alone says it: check whether that is so, for a wrong focal length or unit "
+            "does that, too"
         )
     return told
+
+
+def _by_one_camera(subject: Subject) -> bool:
+    """Whether one sensor saw it all; with more, the box or their clouds have told what is wrong with their cameras."""
+    settings = subject.report.get("settings")
+    return isinstance(settings, dict) and len(settings.get("frames_used", ())) == 1
 
 
 def save_subject(subject: Subject, path: Path) -> None:

@@ -45,6 +45,7 @@ _MOST_M = 0.01  # a part that goes astray counts as this far off, however far it
 _MOST_APART_M = 0.0025  # patches of bare skin lie within 1.6 mm of what sensors see up to _NEAR_M away, wrong fits 3 mm
 _NEAR_M = 2.2
 
+_CLEARLY = 0.93  # the other side's skin must also lie nearer to the clouds by this factor, likely proportions or not
 _BESIDE_NATS, _MOST_BESIDE_NATS = 3.0, 12.0  # a step crosses over in fewer than one pose of twenty; steps repeat
 
 TOLD = 15.0
@@ -80,7 +81,7 @@ class SideEvidence:
 
 def refuse_the_other_side(evidence: SideEvidence | None, anatomy: Anatomy, *, where: Path) -> None:
     """Raise FitError where the other side explains the clouds clearly better than the one that was asked for."""
-    if evidence is None or evidence.support > -TOLD:
+    if evidence is None or evidence.support > -TOLD or evidence.other_m > _CLEARLY * evidence.asked_m:
         return
     other = mirrored_name(anatomy.name)
     raise FitError(

@@ -33,7 +33,7 @@ from capture.rigid import exp_so3
 _COARSE_VERTICES = 100
 _ROTATIONS = 600  # about 25 degrees apart
 _REFINED = 10
-_PARTS = 4  # of the slender parts, the largest
+_PARTS, _SPLINTER = 4, 0.15  # of the slender parts the largest; what is much smaller than that fits anywhere
 _EXTREMITIES = 2  # of one slender part
 _COARSE_GATE_M = 0.10
 _IN_SIGHT, _FOUND = 0.1, 0.75  # of a bone's skin, and of that: of bones with less, the cloud tells nothing
@@ -52,6 +52,7 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
     sample = sample_skin(body.anatomy, at_most=600, seed=seed)
     thick = overall_size(body) * thicker_than(body.anatomy)
     parts = slender_parts(target.cloud, thick)[:_PARTS]
+    parts = [part for part in parts if len(part.points) > _SPLINTER * len(parts[0].points)]
     candidates = _coarse_candidates(body, parts, np.random.default_rng(seed))
     refined = [score for theta in candidates for score in _refined(body, target, theta, sample)]
     if not refined:

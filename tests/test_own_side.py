@@ -1,0 +1,71 @@
+"""Of a person's two legs the right one is on the right, whichever side a search took it for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adapt.anatomy import load_anatomy
+from adapt.fit.correspondences import Target
+from adapt.fit.other_limb import on_its_side
+from adapt.fit.own_side import keeps_to_its_side, lies_on_its_side
+from adapt.fit.sample import sample_skin
+from adapt.fit.start import try_pose
+from adapt.mirror import mirrored_body
+from adapt.model.body import make_body, pose_skin, rest_theta
+from tests.known_limb import exact_cloud
+
+
+def leg(side):
+    return make_body(load_anatomy(f"lower-limb-{side}"))
+
+
+def standing(body, across_m, *, turned=0.0, knee_deg=20.0):
+    theta = rest_theta(body)
+    theta[1] += turned
+    theta[5] += across_m
+    theta[body.anatomy.coordinate_index(f"knee_angle_{body.anatomy.side[0]}")] = np.deg2rad(knee_deg)
+    return theta
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_leg_lies_on_its_side_of_the_other_or_not(side):
+    body, out = leg(side), 0.1 if side == "right" else -0.1
+    mine, other = standing(body, out), standing(body, -out)
+    assert lies_on_its_side(body, mine, other) is True
+    assert lies_on_its_side(body, other, mine) is False
+    assert lies_on_its_side(body, mine, mine) is None
+    assert lies_on_its_side(body, mine, standing(body, -7.0 * out)) is None  # somebody else's
+    assert lies_on_its_side(body, mine, standing(body, -out, turned=np.pi)) is None
+
+
+def test_of_arms_nothing_follows(arm):
+    assert not keeps_to_its_side(arm)
+
+
+@pytest.fixture(scope="module")
+def both():
+    """A right body, and what two sensors see of its leg and of the left one beside it."""
+    body = leg("right")
+    left = mirrored_body(body)
+    skins = [pose_skin(body, standing(body, 0.0)), pose_skin(left, standing(left, -0.05, knee_deg=35.0))]
+    faces = [body.anatomy.skin_faces, len(skins[0]) + left.anatomy.skin_faces]
+    return body, Target(exact_cloud(np.concatenate(skins), np.concatenate(faces)))
+
+
+def test_a_leg_found_in_the_other_one_is_taken_across(both):
+    body, target = both
+    sample = sample_skin(body.anatomy, at_most=1000)
+    mine = standing(body, 0.0)
+    first = try_pose(body, target, sample, standing(body, -0.2, knee_deg=35.0))
+    pose, told = on_its_side(body, target, first, sample)
+    assert told
+    at = pose_skin(body, pose.fit.theta).mean(axis=0)
+    assert np.linalg.norm(at - pose_skin(body, mine).mean(axis=0)) < 0.03
+
+
+def test_a_leg_found_on_its_side_stays(both):
+    body, target = both
+    sample = sample_skin(body.anatomy, at_most=1000)
+    first = try_pose(body, target, sample, standing(body, 0.0))
+    assert on_its_side(body, target, first, sample)[0] is first
