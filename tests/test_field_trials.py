@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from track.evaluation.trials.people import ARM, part_of
 from track.evaluation.trials.real import situations_of
 from track.evaluation.trials.recorded import sized
 from track.evaluation.trials.sensors import as_disparity
-from track.evaluation.trials.situation import SEEDS, Outcome, Situation, Verdict
+from track.evaluation.trials.situation import SEEDS, SOUND_SEED, Outcome, Situation, Verdict
 from track.evaluation.trials.times import change_times
 
 
@@ -79,6 +80,23 @@ def test_the_page_shows_every_situation_and_names_the_losses() -> None:
     assert "- toy case, variant 101: WRONG WITHOUT A WORD" in text
     assert "| a toy | nothing | **WRONG WITHOUT A WORD**: a \\| line of &lt;two> |" in text
     assert "not run" in page_text([good], {}, split="held")
+
+
+def test_further_sound_recordings_are_counted_and_those_not_right_named() -> None:
+    cases = [("sound arm", 1001, Outcome("right", "")), ("sound arm", 1002, Outcome("refused", "no fit"))]
+    text = page_text([], {}, split="held", sound=cases)
+    assert "2 further ones" in text
+    assert "1 right, 1 refused" in text
+    assert "sound arm, seed 1002: refused: no fit" in text
+
+
+def test_further_sound_recordings_take_the_controls_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[int] = []
+    case = replace(toy(runs, "right"), control=True)
+    monkeypatch.setattr(field_trials, "SITUATIONS", [case, replace(case, name="other", control=False)])
+    arguments = ["--out", str(tmp_path), "--sound", "2", "--only", "none"]
+    assert CliRunner().invoke(field_trials.main, arguments).exit_code == 0
+    assert runs == [SOUND_SEED, SOUND_SEED + 1]
 
 
 def test_a_control_must_not_be_refused_and_no_case_may_be_wrong_without_a_word() -> None:

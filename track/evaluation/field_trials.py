@@ -1,7 +1,7 @@
 """What people really bring: every situation is made, run through the commands as they are, and judged by the truth.
 
-    python -m track.evaluation.field_trials --out DIR [--only NAME ...] [--split tuning|held] [--real RECORDINGS]
-        [--page docs/field-trials.md]
+    python -m track.evaluation.field_trials --out DIR [--only NAME ...] [--split tuning|held] [--sound 50]
+        [--real RECORDINGS] [--page docs/field-trials.md]
 
 A heavy evaluation, not a test. Each case's result is a file DIR/SITUATION/SEED.json; a run that was cut short goes on.
 The page is written from what has been run, and says what has not; ``--no-run`` only writes the page.
@@ -25,7 +25,7 @@ from track.evaluation.benchmark.timing import hold_to_one_thread
 from track.evaluation.results import EvaluationError
 from track.evaluation.trials.page import page_text
 from track.evaluation.trials.real import situations_of
-from track.evaluation.trials.situation import SEEDS, Outcome, Situation
+from track.evaluation.trials.situation import SEEDS, SOUND_SEED, Outcome, Situation
 from track.evaluation.trials.table import SITUATIONS
 
 _AGAIN = "delete it to run the case again"
@@ -68,6 +68,14 @@ def _chosen(situations: Sequence[Situation], only: tuple[str, ...], section: int
     ]
 
 
+def _sound(out: Path, count: int, *, run: bool) -> list[tuple[str, int, Outcome]]:
+    """Name, seed and outcome of further sound recordings, each control in its turn."""
+    controls = [situation for situation in SITUATIONS if situation.control and situation.section == 1]
+    cases = [(controls[k % len(controls)], SOUND_SEED + k // len(controls)) for k in range(count)]
+    outcomes = [(case.name, seed, outcome_of(case, seed, out, run=run)) for case, seed in cases]
+    return [(name, seed, outcome) for name, seed, outcome in outcomes if outcome is not None]
+
+
 @click.command()
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Outcomes, case by case.")
 @click.option("--only", multiple=True, metavar="NAME", help="Run only situations whose name has this.")
@@ -80,6 +88,7 @@ def _chosen(situations: Sequence[Situation], only: tuple[str, ...], section: int
     help="Which variants: those that bounds may be set on, or those that are reported.",
 )
 @click.option("--variants", type=int, help="Run at most so many of them.")
+@click.option("--sound", type=click.IntRange(0), default=0, help="Run so many further sound recordings, as well.")
 @click.option("--real", type=click.Path(path_type=Path), help="A folder of real recordings, each as published.")
 @click.option("--run/--no-run", default=True, show_default=True, help="Run what has no outcome, or only read outcomes.")
 @click.option("--page", type=click.Path(path_type=Path), help="The Markdown page to write.")
@@ -89,6 +98,7 @@ def main(
     section: int | None,
     split: str,
     variants: int | None,
+    sound: int,
     real: Path | None,
     run: bool,
     page: Path | None,
@@ -107,8 +117,9 @@ def main(
             outcome = outcome_of(situation, seed, out, run=run and situation.name in wanted)
             if outcome is not None:
                 found.setdefault(situation.name, {})[seed] = outcome
+    further = _sound(out, sound, run=run)
     if page is not None:
-        text = page_text(everything, found, split=split, skipped=why)
+        text = page_text(everything, found, sound=further, split=split, skipped=why)
         with replaced_if_own(page, page_of(text)) as partial:
             partial.write_text(text, encoding="utf-8")
 

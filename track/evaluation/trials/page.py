@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 
 from track.evaluation.experiments.experiment import markdown_table
 from track.evaluation.trials.fit import BOUND_DEG, GROSS_DEG, HONEST
-from track.evaluation.trials.situation import Outcome, Situation
+from track.evaluation.trials.situation import SOUND_SEED, Outcome, Situation
 
 _HEAD = f"""# Field trials: right, or refused
 
 Made by
 
 ```sh
-python -m track.evaluation.field_trials --out DIR --real RECORDINGS --page docs/field-trials.md
+python -m track.evaluation.field_trials --out DIR --sound 50 --real RECORDINGS --page docs/field-trials.md
 ```
 
 Every situation here is synthetic unless it stands under "Real recordings": a random body of our own model, 20 instants,
@@ -41,12 +41,28 @@ _SECTIONS = {
 
 
 def page_text(
-    situations: Sequence[Situation], found: Mapping[str, Mapping[int, Outcome]], *, split: str, skipped: str = ""
+    situations: Sequence[Situation],
+    found: Mapping[str, Mapping[int, Outcome]],
+    *,
+    split: str,
+    sound: Sequence[tuple[str, int, Outcome]] = (),
+    skipped: str = "",
 ) -> str:
-    """The whole page from the outcomes by situation and seed."""
+    """The whole page from the outcomes by situation and seed, and name, seed and outcome of further ``sound`` cases."""
     sections = [_section(number, situations, found) for number in _SECTIONS]
     notes = [f"*Variants: {split}.*\n", *([f"*Real recordings were not run: {skipped}.*\n"] if skipped else [])]
-    return "\n".join([_HEAD, *notes, _losses(situations, found), *(text for text in sections if text)])
+    return "\n".join([_HEAD, *notes, _losses(situations, found), _sound(sound), *(text for text in sections if text)])
+
+
+def _sound(cases: Sequence[tuple[str, int, Outcome]]) -> str:
+    """How many further sound recordings came out right, and what became of the others."""
+    if not cases:
+        return "## Sound recordings\n\nNo further ones were run.\n"
+    counts = Counter(outcome.verdict for _, _, outcome in cases)
+    total = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+    others = [f"- {name}, seed {seed}: {o.verdict}: {o.line}" for name, seed, o in cases if o.verdict != "right"]
+    lines = [f"{len(cases)} further ones (seeds from {SOUND_SEED} on, used for no bound): {total}.", *others]
+    return "## Sound recordings\n\n" + "\n".join([lines[0], "", *lines[1:]]).rstrip() + "\n"
 
 
 def _section(number: int, situations: Sequence[Situation], found: Mapping[str, Mapping[int, Outcome]]) -> str:

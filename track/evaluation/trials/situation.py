@@ -23,6 +23,10 @@ SEEDS = {"tuning": (1, 2), "held": (101, 102)}
 """Bounds of the product are set on the variants of the first half only, and the page reports the second."""
 
 
+SOUND_SEED = 1001
+"""The first seed of further sound recordings, of which hardly any may be refused."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """The verdict on a case, what was said (one line), and the numbers it rests on."""
