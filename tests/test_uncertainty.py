@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -203,3 +204,13 @@ def test_a_body_is_adapted_by_the_noise_of_clouds_that_it_was_not_adapted_to(lim
     found = adapt_body(limb.subject.body, targets, thetas, outer_rounds=2, unseen=[(targets[0], thetas[0])])
     assert trusts[-1] == found.unseen_noise_m == 0.0031
     assert found.noise_m < 0.0031
+
+
+def test_bones_under_a_sleeve_are_no_surer_than_bones_under_bare_skin(limb):
+    """The skin takes the sleeve up, so that nothing of it is left in the noise."""
+    targets, thetas = limb.targets[:2], limb.thetas[:2]
+    adapt = partial(adapt_body, limb.subject.body, targets, thetas, outer_rounds=1, optimise_skin=False)
+    bare, sleeved = adapt(), adapt(by_proportions_m=0.004)
+    wider = np.diag(sleeved.covariance) / np.diag(bare.covariance)
+    assert (wider > 1.0 - 1e-9).all()
+    assert wider.max() > 2.0

@@ -17,7 +17,7 @@ from adapt.fit.certainty import body_covariance, unseen_noise
 from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.never_seen import Bools, without
-from adapt.fit.noise import patch_noise, trusted
+from adapt.fit.noise import LEAST_M, patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
 from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.fit.shape import fit_shape
@@ -27,6 +27,7 @@ from adapt.model.body import Body
 _OUTER_ROUNDS = 3
 _SKIN_UPDATES = 3
 _SKIN_GATE_M = 0.02
+_TOGETHER = 2.0  # a sleeve is off alike along a whole bone: it counts as so many times what its patches show
 
 Progress = Callable[[str], None]
 
@@ -60,12 +61,15 @@ def adapt_body(
     optimise_skin: bool = True,
     unseen: Sequence[tuple[Target, Floats]] = (),
     gone: Bools | None = None,
+    by_proportions_m: float = 0.0,
     progress: Progress = lambda _: None,
 ) -> Adaptation:
     """Adapt ``body`` to K clouds from first poses ``thetas`` (K, n).
 
     ``unseen`` are further clouds with poses near theirs (n,): not adapted to, they tell how much to believe the others.
-    Skin (V,) that is ``gone`` takes no part (see ``adapt.fit.never_seen``).
+    Skin (V,) that is ``gone`` takes no part (see ``adapt.fit.never_seen``). ``by_proportions_m`` is how far patches of
+    skin are from the clouds when proportions alone are fitted: what skin has to take up beyond the noise (clothes,
+    tissue like nobody's) is not noise afterwards, but the bones under it are no surer for that.
 
     Raises:
         FitError: a pose finds too few correspondences.
@@ -96,5 +100,6 @@ def adapt_body(
     if not optimise_skin:
         unseen_noise_m = unseen_noise(body, unseen, gone)
         noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
-    covariance = body_covariance(body, fits, noise_m=noise_m)
+    beyond_m = float(np.sqrt(max(0.0, by_proportions_m**2 - LEAST_M**2)))
+    covariance = body_covariance(body, fits, noise_m=float(np.hypot(noise_m, _TOGETHER * beyond_m)))
     return Adaptation(body, fits, covariance, own_noise_m, unseen_noise_m)

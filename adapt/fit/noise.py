@@ -18,7 +18,7 @@ from adapt.fit.least_squares import PATCH_M2, SIGMA_M
 from adapt.fit.sample import SkinSample
 
 _WIDER = 2.0  # a sensor's noise hangs together over more than a patch: it counts as much as in patches so much wider
-_LEAST_M, _MOST_M = 0.00075, 0.004  # below and beyond these an estimate is not believed
+LEAST_M, _MOST_M = 0.00075, 0.004  # below and beyond these an estimate is not believed
 _LEAST_SHARE = 0.3  # a patch of which less was matched says little
 
 
@@ -38,7 +38,7 @@ def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: Sk
     wide, observations = _patch_means(anatomy, matches, sample, _WIDER)
     if len(wide) > 2.0 * parameters:  # fewer tell more of the fit than of the noise
         variance = max(variance, (observations * wide**2).sum() / (len(wide) - parameters))
-    return float(np.clip(np.sqrt(variance), _LEAST_M, _MOST_M))
+    return float(np.clip(np.sqrt(variance), LEAST_M, _MOST_M))
 
 
 def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[float, int]:

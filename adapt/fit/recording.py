@@ -107,7 +107,7 @@ def adapt_recording(
     if not known:
         usable, others = ([_on_its_side(body, one, sample) for one in some] for some in (usable, others))
     side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
-    adaptation, usable, left_out = _adapted(body, usable, others, lost, recording, progress)
+    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress)
     refuse_what_nobody_is(adaptation.body, recording.path)
     settings = {
         "versions": versions(),
@@ -162,6 +162,7 @@ def _adapted(
     used: list[_Candidate],
     others: list[_Candidate],
     lost: NeverSeen,
+    side: SideEvidence | None,
     recording: Recording,
     progress: Progress,
 ) -> tuple[Adaptation, list[_Candidate], dict[float, str]]:
@@ -172,7 +173,10 @@ def _adapted(
     """
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     unseen = [(c.target, c.pose.fit.theta) for c in others]
-    adaptation = adapt_body(body, targets, thetas, unseen=unseen, gone=lost.skin, progress=progress)
+    apart_m = 0.0 if side is None else side.asked_m
+    adaptation = adapt_body(
+        body, targets, thetas, unseen=unseen, gone=lost.skin, by_proportions_m=apart_m, progress=progress
+    )
     whole = without(sample_skin(body.anatomy), lost.skin)
     judged = [judge_fit(adaptation.body, *pose, whole, ADAPTED) for pose in zip(targets, adaptation.fits, strict=True)]
     failed = {c.instant.time_s: judgement.reason for c, judgement in zip(used, judged, strict=True) if judgement.reason}
@@ -186,7 +190,7 @@ def _adapted(
             remedy="is it the person, with the region, the unit and the focal length right? Choose other frames, "
             "or give first poses",
         )
-    adaptation, kept, further = _adapted(body, kept, others, lost, recording, progress)
+    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress)
     return adaptation, kept, failed | further
 
 
