@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 import adapt.fit.recording as fitting
-from adapt.fit.recording import adapt_recording
+from adapt.fit.recording import _Candidate, _choose, adapt_recording
+from adapt.fit.sample import sample_skin
 from adapt.fit.start import try_pose
 from adapt.model.body import pose_skin
+from adapt.model.size import resized
 from capture.errors import FitError
+from capture.recording import Instant
+from tests.known_limb import bent, exact_target
 
 LOOKED_AT = 4
 GIVEN = (2, 5)
@@ -64,3 +68,19 @@ def test_a_first_pose_of_a_frame_that_is_not_adapted_to_is_refused(limb):
     given = {3: limb.thetas[3], 4: limb.thetas[4]}
     with pytest.raises(FitError, match="frame 4 has a first pose, and is not among the frames"):
         adapt_recording(limb.recording, limb.subject.anatomy, first_poses=given, frames=[0, 3, 6, 9])
+
+
+def test_a_forearm_turned_over_in_some_candidates_is_turned_back_from_its_neighbours(limb):
+    """In a child's arm a forearm turned by half its range has points near all its skin: its own start keeps it so."""
+    child = resized(limb.subject.body, 0.6)
+    turn, sample = child.anatomy.coordinate_index("pro_sup"), sample_skin(child.anatomy, at_most=1000)
+    twists, candidates = (10.0, -30.0, -50.0, -50.0, -50.0, -10.0), []
+    for k, twist in enumerate(twists):
+        target = exact_target(child, bent(child, 20.0 + 2.0 * k, twist))
+        pose = try_pose(child, target, sample, bent(child, 35.0, 85.0 if twist == -50.0 else twist))
+        candidates.append(_Candidate(Instant(float(k), {}), target, pose))
+    assert all(np.rad2deg(candidates[k].pose.fit.theta[turn]) > 60.0 for k in (2, 3, 4))
+    _, chosen, left, _ = _choose(child, candidates, sample, 4)
+    posed = {c.instant.time_s: np.rad2deg(c.pose.fit.theta[turn]) for c in chosen + left}
+    for k, twist in enumerate(twists):
+        assert abs(posed[float(k)] - twist) < 8.0

@@ -225,7 +225,12 @@ def _choose(
     thetas = np.array([candidates[k].pose.fit.theta for k in chosen])
     bony = weighted_by_tissue(sample, body.anatomy)
     first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
-    again = [_posed_again(first.body, candidate, [candidate], sample) for candidate in candidates]
+    again: list[_Candidate] = []
+    for k, candidate in enumerate(
+        candidates
+    ):  # a thin forearm may lie turned over: ask its neighbours, too
+        starts = [candidate, *again[-1:], *candidates[k + 1 : k + 2]]
+        again.append(_posed_again(first.body, candidate, starts, sample))
     doubtful = {id(c) for c in again} - {id(c) for c in _plausible(again)[0]}
     for k, candidate in enumerate(again):
         if id(candidate) in doubtful:
