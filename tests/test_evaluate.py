@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from track.evaluation.errors import evaluate_motion
-from track.motion import Motion, bones_and_centres, coordinate_names
+from track.motion import Motion, MotionError, bones_and_centres, coordinate_names
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +83,10 @@ def test_what_is_not_claimed_is_not_scored_and_what_is_claimed_is_counted(limb, 
         assert np.isfinite(evaluation.errors[name]).all(), name
     assert all(row.maximum < 0.05 for row in evaluation.summaries())
     assert {"bones", "claimed"} < set(evaluation.as_json())
+
+
+def test_a_recording_whose_sensors_the_truth_does_not_know_is_refused_by_name(limb, true_motion):
+    renamed = replace(limb.recording.sensors[0], name="renamed")
+    recording = replace(limb.recording, sensors=(renamed, *limb.recording.sensors[1:]))
+    with pytest.raises(MotionError, match="sensor 'renamed' that its truth does not know"):
+        evaluate_motion(true_motion, limb.subject, recording)

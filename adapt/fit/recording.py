@@ -226,9 +226,7 @@ def _choose(
     bony = weighted_by_tissue(sample, body.anatomy)
     first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
     again: list[_Candidate] = []
-    for k, candidate in enumerate(
-        candidates
-    ):  # a thin forearm may lie turned over: ask its neighbours, too
+    for k, candidate in enumerate(candidates):  # a thin forearm may lie turned over: ask its neighbours, too
         starts = [candidate, *again[-1:], *candidates[k + 1 : k + 2]]
         again.append(_posed_again(first.body, candidate, starts, sample))
     doubtful = {id(c) for c in again} - {id(c) for c in _plausible(again)[0]}

@@ -140,7 +140,15 @@ def read_truth(recording: Recording) -> Truth:
 
 
 def world_from_common(recording: Recording, truth: Truth) -> Floats:
-    """Where the recording's common frame stands in the truth's world (4, 4): the mean over its sensors."""
+    """Where the recording's common frame stands in the truth's world (4, 4): the mean over its sensors.
+
+    Raises:
+        MotionError: the truth does not know one of the sensors.
+    """
+    strange = [sensor.name for sensor in recording.sensors if sensor.name not in truth.world_from_sensor]
+    if strange:
+        problem = f"has a sensor {strange[0]!r} that its truth does not know, only {', '.join(truth.world_from_sensor)}"
+        raise MotionError(problem, where=recording.path, remedy="give the recording that the truth was made with")
     return world_of_sensors(recording, truth.world_from_sensor)
 
 

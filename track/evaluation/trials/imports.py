@@ -15,6 +15,7 @@ from track.evaluation.trials.fit import refused, track_and_judge
 from track.evaluation.trials.recorded import Made
 from track.evaluation.trials.sensors import as_disparity, one_sensor
 from track.evaluation.trials.situation import Outcome, Situation
+from track.evaluation.trials.times import rewrite_truth
 
 _SIZE = ("--width", "640", "--height", "480")
 _POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:{}\nsize 614400\n"
@@ -60,6 +61,7 @@ def imported(write: Write, *, worthless: bool = False) -> Callable[[int, Path], 
             return _worthless(told)
         recording = folder / "recording"
         (recording / "truth.npz").write_bytes((source.made.recording / "truth.npz").read_bytes())
+        rewrite_truth(recording, sensor_names=np.array([sensor.name for sensor in open_recording(recording).sensors]))
         return track_and_judge(Made(recording, source.made.anatomy, source.made.truth), folder)
 
     return run
