@@ -21,6 +21,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
+from adapt.model.joints.joint_type import JointType
 from adapt.model.variation import Motion, Points, compose, invert
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, hat, left_jacobian_so3, log_so3
@@ -48,19 +49,25 @@ class _Controls:
     do: Floats  # (K, 3n)
 
 
-def spline_motion(anatomy: Anatomy, joint: Joint, q: float, p: Points, column: int) -> Motion:
-    """H at the coordinate's value ``q`` (rad), whose derivative is ``column``.
+class Spline(JointType):
+    """One coordinate (rad), which other joints may share."""
 
-    Raises:
-        AnatomyError: frames that are none, or turned by half a turn against the first.
-    """
-    prepared = _prepare(anatomy, joint)
-    value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
-    if d.any():
-        controls, to_rest = _controls_and_rest(prepared, value, d)
-    else:  # pose after pose of one body
-        controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
-    return compose(_along(prepared.basis, controls, q, column), to_rest)
+    name = "spline"
+    units = ("rad",)
+
+    def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
+        """H at the coordinate's value.
+
+        Raises:
+            AnatomyError: frames that are none, or turned by half a turn against the first.
+        """
+        prepared = _prepare(anatomy, joint)
+        value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
+        if d.any():
+            controls, to_rest = _controls_and_rest(prepared, value, d)
+        else:  # pose after pose of one body
+            controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
+        return compose(_along(prepared.basis, controls, float(q[0]), columns[0]), to_rest)
 
 
 def spline_cubics(anatomy: Anatomy, joint: Joint, p: Points) -> tuple[Floats, Floats, Motion]:

@@ -1,4 +1,4 @@
-"""Hinge, universal joint and ball: turns about lines through landmarks, each riding on the one before."""
+"""What hinge, universal joint and ball share: turns about lines through landmarks, each riding on the one before."""
 
 from __future__ import annotations
 
@@ -6,22 +6,28 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import unit
+from adapt.model.joints.joint_type import JointType, rest_values
 from adapt.model.variation import Motion, Points, compose
 from capture.rigid import hat
 
 
-def turning_motion(anatomy: Anatomy, joint: Joint, angles: Floats, p: Points, columns: list[int]) -> Motion:
-    """Turns by ``angles`` (rad, from rest) about the joint's axes: H = H_1 H_2 ..."""
-    first, *others = (
-        _turn(anatomy, axis, angle, p, column) for axis, angle, column in zip(joint.axes, angles, columns, strict=True)
-    )
-    motion = first
-    for turn in others:
-        motion = compose(motion, turn)
-    return motion
+class Turning(JointType):
+    """A joint that turns about as many lines through landmarks as it has coordinates."""
+
+    def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
+        """Turns by q - q_rest (rad) about the joint's axes: H = H_1 H_2 ..."""
+        angles = q - rest_values(anatomy, joint)
+        first, *others = (
+            turn(anatomy, axis, angle, p, column)
+            for axis, angle, column in zip(joint.axes, angles, columns, strict=True)
+        )
+        motion = first
+        for other in others:
+            motion = compose(motion, other)
+        return motion
 
 
-def _turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
+def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
     """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f."""
     first, second = (anatomy.landmark_index(name) for name in axis)
     f, df = p.value[first], p.d[first]
