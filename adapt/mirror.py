@@ -116,7 +116,7 @@ def _joint(right: Joint) -> Joint:
         case "spline":
             return replace(joint, frames=tuple(_frame(frame) for frame in joint.frames))
         case _:
-            assert_never(joint.type)
+            raise AssertionError(joint.type)
 
 
 def _coordinates(anatomy: Anatomy) -> tuple[Coordinate, ...]:

@@ -26,7 +26,6 @@ its own, ``<coordinate>_beta`` as in OpenSim's models, and a CoordinateCouplerCo
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import assert_never
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -132,7 +131,7 @@ def _osim_joint(
         case "spline":
             kind, (placed, turned, axes) = "CustomJoint", _spline(body, joint, theta, coordinates[0], follows)
         case _:
-            assert_never(joint.type)
+            raise AssertionError(joint.type)
     whole = OsimJoint(
         kind, joint.name, joint.parent, joint.child, to_parent @ placed, to_child @ turned, coordinates, axes
     )

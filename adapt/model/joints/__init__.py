@@ -31,3 +31,10 @@ def joint_motion(anatomy: Anatomy, joint: Joint, theta: Floats, p: Points, first
     index = [anatomy.coordinate_index(name) for name in joint.coordinates]
     columns = [first_column + i for i in index]
     return JOINT_TYPES[joint.type].motion(anatomy, joint, theta[index], p, columns)
+
+
+def joint_problem(joint: Joint) -> str | None:
+    """Why these parts make no joint of the type that they name, or None."""
+    if joint.type not in JOINT_TYPES:
+        return f"no type {joint.type!r}: the types are {', '.join(JOINT_TYPES)}"
+    return JOINT_TYPES[joint.type].problem(joint)

@@ -19,6 +19,18 @@ class JointType(ABC):
     axes: ClassVar[int] = 0  # how many
     free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
 
+    def problem(self, joint: Joint) -> str | None:
+        """Why these parts make no joint of this type, or None."""
+        if (len(joint.coordinates), len(joint.axes)) != (len(self.units), self.axes):
+            return f"a joint of type {self.name} has {len(self.units)} coordinate(s) and {self.axes} axes"
+        if self.free != (joint.parent is None):
+            return "a free joint has no parent, and every other has one"
+        return self.knots_problem(joint)
+
+    def knots_problem(self, joint: Joint) -> str | None:
+        """The same for knots and frames, of which most types have none."""
+        return f"a joint of type {self.name} has no knots and no frames" if joint.knots or joint.frames else None
+
     @abstractmethod
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
         """H in rest space at the coordinates ``q`` (rad, m), whose derivatives are those ``columns``; I at rest."""

@@ -50,10 +50,18 @@ class _Controls:
 
 
 class Spline(JointType):
-    """One coordinate (rad), which other joints may share."""
+    """One coordinate (rad): where it equals knot i, a frame of the child coincides with frame i of the parent."""
 
     name = "spline"
     units = ("rad",)
+
+    def knots_problem(self, joint: Joint) -> str | None:
+        """Why the knots (rad) have no frames, or are too few or out of order; None if all is well."""
+        if len(joint.knots) != len(joint.frames) or not joint.knots:
+            return "a spline joint has one frame a knot"
+        if len(joint.knots) < 2 or not (np.diff(joint.knots) > 0.0).all():
+            return "a spline joint needs two knots or more that increase"
+        return None
 
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
         """H at the coordinate's value.
