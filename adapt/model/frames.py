@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
@@ -31,6 +33,11 @@ def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
     about_y = (x @ dw - (w @ y) * (x @ dy)) / length
     d_rotation = k @ dy + y[:, None] * about_y
     return Motion(np.column_stack([x, y, z]), origin, d_rotation, d_origin)
+
+
+def mirrored_frame(frame: Frame) -> Frame:
+    """The other side's: of mirrored landmarks a right-handed frame, z from the opposite ends (adapt.mirror)."""
+    return replace(frame, z_from=frame.z_to, z_to=frame.z_from)
 
 
 def unit(u: Floats, du: Floats) -> tuple[Floats, Floats]:

@@ -17,6 +17,7 @@ class Free(JointType):
     name = "free"
     units = ("rad", "rad", "rad", "m", "m", "m")
     free = True
+    turned_over = (0, 1, 5)  # S = diag(1, 1, -1): a rotation vector r becomes -S r, a translation t becomes S t
 
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
         """The child's frame placed by a rotation vector and an origin: H = [exp(q_r), q_t] C_child(p)^-1."""

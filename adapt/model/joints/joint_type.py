@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.frames import mirrored_frame
 from adapt.model.variation import Motion, Points
 
 
@@ -18,6 +20,7 @@ class JointType(ABC):
     units: ClassVar[tuple[Literal["rad", "m"], ...]]  # of its coordinates
     axes: ClassVar[int] = 0  # how many
     free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
+    turned_over: ClassVar[tuple[int, ...]] = ()  # which coordinates change their signs in the mirror image
 
     def problem(self, joint: Joint) -> str | None:
         """Why these parts make no joint of this type, or None."""
@@ -34,6 +37,11 @@ class JointType(ABC):
     @abstractmethod
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
         """H in rest space at the coordinates ``q`` (rad, m), whose derivatives are those ``columns``; I at rest."""
+
+    def mirrored(self, joint: Joint) -> Joint:
+        """The other side's joint (adapt.mirror): axes from the opposite ends, frames with z from the opposite ends."""
+        axes = tuple((second, first) for first, second in joint.axes)
+        return replace(joint, axes=axes, frames=tuple(mirrored_frame(frame) for frame in joint.frames))
 
 
 def rest_values(anatomy: Anatomy, joint: Joint) -> Floats:
