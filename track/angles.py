@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.joints.free import euler_angles, euler_names
 from capture.rigid import exp_so3
 from track.motion import MotionError
 
@@ -33,16 +34,6 @@ def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
             rotational = anatomy.coordinates[i].unit == "rad"
             columns[name] = np.rad2deg(thetas[:, i]) if rotational else thetas[:, i]
     return columns
-
-
-def euler_names(joint: Joint) -> tuple[str, str, str]:
-    """Names of the angles that a free joint's rotation vector is reported as."""
-    return f"{joint.name}_euler_x", f"{joint.name}_euler_y", f"{joint.name}_euler_z"
-
-
-def euler_angles(rotation_vectors: Floats) -> Floats:
-    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3)."""
-    return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))
 
 
 def thoraco_humeral(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import frame_from_landmarks
 from adapt.model.joints.joint_type import JointType
+from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, Resting, TransformAxis
 from adapt.model.variation import Motion, Points, compose, invert
 from capture.rigid import exp_so3, left_jacobian_so3
 
@@ -26,3 +28,33 @@ class Free(JointType):
         d_translation[:, columns[3:]] = np.eye(3)
         placed = Motion(exp_so3(q[:3]), q[3:], d_rotation, d_translation)
         return compose(placed, invert(frame_from_landmarks(anatomy, anatomy.bone(joint.child).frame, p)))
+
+    def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
+        """Body-fixed X-Y-Z angles instead of the rotation vector, and the translation: what OpenSim's FreeJoint does.
+
+        But as a CustomJoint of six linear functions, because nimblephysics knows no FreeJoint.
+        """
+        coordinates = rest.coordinates(joint)
+        index = [rest.anatomy.coordinate_index(name) for name in joint.coordinates[:3]]
+        angles = euler_angles(rest.theta[None, index])[0]
+        turns = (
+            OsimCoordinate(name, c.low, c.high, float(angle))
+            for name, c, angle in zip(euler_names(joint), coordinates, angles, strict=False)
+        )
+        own = (*turns, *coordinates[3:])
+        axes = tuple(TransformAxis(axis, c.name) for axis, c in zip([*np.eye(3), *np.eye(3)], own, strict=True))
+        return (OsimJoint("CustomJoint", joint.name, None, joint.child, np.eye(4), np.eye(4), own, axes),)
+
+    def opensim_owners(self, joint: Joint) -> dict[str, str]:
+        """Those of the X-Y-Z angles and of the translation."""
+        return dict.fromkeys((*euler_names(joint), *joint.coordinates[3:]), joint.name)
+
+
+def euler_names(joint: Joint) -> tuple[str, str, str]:
+    """Names of the angles that a free joint's rotation vector is reported as."""
+    return f"{joint.name}_euler_x", f"{joint.name}_euler_y", f"{joint.name}_euler_z"
+
+
+def euler_angles(rotation_vectors: Floats) -> Floats:
+    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3)."""
+    return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))

@@ -10,6 +10,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import mirrored_frame
+from adapt.model.joints.opensim import OsimJoint, Resting
 from adapt.model.variation import Motion, Points
 
 
@@ -42,6 +43,14 @@ class JointType(ABC):
         """The other side's joint (adapt.mirror): axes from the opposite ends, frames with z from the opposite ends."""
         axes = tuple((second, first) for first, second in joint.axes)
         return replace(joint, axes=axes, frames=tuple(mirrored_frame(frame) for frame in joint.frames))
+
+    @abstractmethod
+    def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
+        """Its form in OpenSim; ``follows``: coordinates are a joint's before, which followers are held equal to."""
+
+    def opensim_owners(self, joint: Joint) -> dict[str, str]:
+        """The coordinates of that form, under names of no followers, and the joint of that form that has each."""
+        return dict.fromkeys(joint.coordinates, joint.name)
 
 
 def rest_values(anatomy: Anatomy, joint: Joint) -> Floats:

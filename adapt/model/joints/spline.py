@@ -21,12 +21,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
+from adapt.model.frames import frame_from_landmarks
 from adapt.model.joints.joint_type import JointType
-from adapt.model.variation import Motion, Points, compose, invert
+from adapt.model.joints.opensim import OsimJoint, Resting, sampled
+from adapt.model.variation import Motion, Points, compose, constant_points, invert
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, hat, left_jacobian_so3, log_so3
 
 _WIDEST = np.deg2rad(170.0)  # a turn from the first frame must stay clear of half a turn, where r_i jumps
+
+_MARGIN = 0.3  # rad beyond a coordinate's range and knots that samples for OpenSim reach
+_SPACING = np.deg2rad(2.0)  # of these samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +81,17 @@ class Spline(JointType):
         else:  # pose after pose of one body
             controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
         return compose(_along(prepared.basis, controls, float(q[0]), columns[0]), to_rest)
+
+    def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
+        """CustomJoint with SimmSplines sampled from ours; shifts are zero at rest."""
+        (coordinate,) = coordinates = rest.coordinates(joint, follows=follows)
+        low, high = min(coordinate.low, joint.knots[0]) - _MARGIN, max(coordinate.high, joint.knots[-1]) + _MARGIN
+        q = np.linspace(low, high, round((high - low) / _SPACING) + 1)
+        p = constant_points(rest.p.value, 1)
+        motions = np.array([self.motion(rest.anatomy, joint, at, p, [0]).matrix() for at in q[:, None]])
+        centre = frame_from_landmarks(rest.anatomy, joint.frames[0], p).translation
+        placed, turned, axes = sampled(motions, q, centre, coordinate.name, follows=follows)
+        return (rest.joint("CustomJoint", joint, placed, turned, coordinates, axes),)
 
 
 def spline_cubics(anatomy: Anatomy, joint: Joint, p: Points) -> tuple[Floats, Floats, Motion]:

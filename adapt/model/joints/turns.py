@@ -7,8 +7,9 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import unit
 from adapt.model.joints.joint_type import JointType, rest_values
+from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, nearest_point, still_axes, unit_vector
 from adapt.model.variation import Motion, Points, compose
-from capture.rigid import hat
+from capture.rigid import exp_so3, hat, transform
 
 
 class Turning(JointType):
@@ -40,3 +41,23 @@ def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, colum
     turned = rotation @ f
     d_translation = df - rotation @ df + hat(turned) @ d_rotation
     return Motion(rotation, f - turned, d_rotation, d_translation)
+
+
+def turns_in_opensim(rest: Resting, joint: Joint, *, follows: bool) -> OsimJoint:
+    """CustomJoint whose functions are the coordinates, where every coordinate is zero:
+
+    R(a1, q1 - r1) R(a2, q2 - r2) ... = R(a1, q1) R(B1 a2, q2) ... B with B1 = R(a1, -r1) and so on.
+
+    Its axes meet in one point; ours miss each other by hundredths of a millimetre in bodies of unusual proportions, and
+    the point nearest to all is taken.
+    """
+    lines, coordinates = rest.lines(joint), rest.coordinates(joint, follows=follows)
+    placed = transform(np.eye(3), nearest_point(lines))
+    back, axes = np.eye(3), []
+    for (_, axis), coordinate in zip(lines, coordinates, strict=True):
+        axes.append(TransformAxis(back @ axis, coordinate.name))
+        back = back @ exp_so3(-coordinate.default * axis)
+    if len(axes) == 2:
+        axes.append(TransformAxis(unit_vector(np.cross(axes[0].axis, axes[1].axis))))
+    turned = placed @ transform(back.T, np.zeros(3))
+    return rest.joint("CustomJoint", joint, placed, turned, coordinates, (*axes, *still_axes()))

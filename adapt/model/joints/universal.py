@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from adapt.model.joints.turns import Turning
+from adapt.anatomy import Joint
+from adapt.model.joints.opensim import OsimJoint, Resting
+from adapt.model.joints.turns import Turning, turns_in_opensim
 
 
 class Universal(Turning):
@@ -11,3 +13,7 @@ class Universal(Turning):
     name = "universal"
     units = ("rad", "rad")
     axes = 2
+
+    def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
+        """CustomJoint whose first two turns are the coordinates, and whose third stands still."""
+        return (turns_in_opensim(rest, joint, follows=follows),)
