@@ -17,6 +17,12 @@ def landmark_mean(anatomy: Anatomy, p: Points, names: tuple[str, ...]) -> tuple[
     return p.value[index].sum(axis=0) / len(index), p.d[index].sum(axis=0) / len(index)
 
 
+def line_through(anatomy: Anatomy, axis: tuple[str, str], landmarks: Floats) -> tuple[Floats, Floats]:
+    """A point (3,) and the direction (3,) of the line through two of the landmarks (P, 3), from the first."""
+    first, second = (landmarks[anatomy.landmark_index(name)] for name in axis)
+    return first, (second - first) / np.linalg.norm(second - first)
+
+
 def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
     """The frame C(p) as a motion from its own coordinates to those of the landmarks.
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import frame_from_landmarks
+from adapt.model.hot.rows import Row, place
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, Resting, TransformAxis
 from adapt.model.variation import Motion, Points, compose, invert
@@ -28,6 +29,10 @@ class Free(JointType):
         d_translation[:, columns[3:]] = np.eye(3)
         placed = Motion(exp_so3(q[:3]), q[3:], d_rotation, d_translation)
         return compose(placed, invert(frame_from_landmarks(anatomy, anatomy.bone(joint.child).frame, p)))
+
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """[exp(q_r), q_t] before C_child^-1."""
+        return [place(invert(frame_from_landmarks(anatomy, anatomy.bone(joint.child).frame, p)))]
 
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """Body-fixed X-Y-Z angles instead of the rotation vector, and the translation: what OpenSim's FreeJoint does.

@@ -10,6 +10,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.frames import mirrored_frame
+from adapt.model.hot.rows import Row
 from adapt.model.joints.opensim import OsimJoint, Resting
 from adapt.model.variation import Motion, Points
 
@@ -38,6 +39,10 @@ class JointType(ABC):
     @abstractmethod
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
         """H in rest space at the coordinates ``q`` (rad, m), whose derivatives are those ``columns``; I at rest."""
+
+    @abstractmethod
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """The same motion for the compiled chain, each row after the one before, where landmarks do not vary."""
 
     def mirrored(self, joint: Joint) -> Joint:
         """The other side's joint (adapt.mirror): axes from the opposite ends, frames with z from the opposite ends."""

@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.frames import line_through
 from adapt.model.variation import Points
 from capture.rigid import inverse, transform
 
@@ -78,9 +79,7 @@ class Resting:
 
     def lines(self, joint: Joint) -> list[tuple[Floats, Floats]]:
         """The joint's axes: a point (3,) and a direction (3,) of each."""
-        points = self.p.value
-        ends = [[points[self.anatomy.landmark_index(name)] for name in axis] for axis in joint.axes]
-        return [(first, unit_vector(second - first)) for first, second in ends]
+        return [line_through(self.anatomy, axis, self.p.value) for axis in joint.axes]
 
     def joint(
         self,

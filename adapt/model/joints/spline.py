@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
 from adapt.model.frames import frame_from_landmarks
+from adapt.model.hot.rows import Row, glide
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.opensim import OsimJoint, Resting, sampled
 from adapt.model.variation import Motion, Points, compose, constant_points, invert
@@ -82,6 +83,14 @@ class Spline(JointType):
             controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
         return compose(_along(prepared.basis, controls, float(q[0]), columns[0]), to_rest)
 
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """G(q) as cubics of r and o, before G(q_rest)^-1."""
+        prepared = _prepare(anatomy, joint)
+        landmarks = p.value[prepared.landmarks]
+        controls, to_rest = _controls_and_rest(prepared, landmarks, np.zeros((*landmarks.shape, 0)))
+        cubics = prepared.basis.c @ np.concatenate([controls.r, controls.o], axis=1)
+        return [glide(prepared.basis.x, cubics, to_rest)]
+
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """CustomJoint with SimmSplines sampled from ours; shifts are zero at rest."""
         (coordinate,) = coordinates = rest.coordinates(joint, follows=follows)
@@ -92,17 +101,6 @@ class Spline(JointType):
         centre = frame_from_landmarks(rest.anatomy, joint.frames[0], p).translation
         placed, turned, axes = sampled(motions, q, centre, coordinate.name, follows=follows)
         return (rest.joint("CustomJoint", joint, placed, turned, coordinates, axes),)
-
-
-def spline_cubics(anatomy: Anatomy, joint: Joint, p: Points) -> tuple[Floats, Floats, Motion]:
-    """The joint of a body whose landmarks do not vary: knots (K,), cubics (4, K - 1, 6) of r and o, and G(q_rest)^-1.
-
-    The cubics are of q - knot, the highest power first.
-    """
-    prepared = _prepare(anatomy, joint)
-    landmarks = p.value[prepared.landmarks]
-    controls, to_rest = _controls_and_rest(prepared, landmarks, np.zeros((*landmarks.shape, 0)))
-    return prepared.basis.x, prepared.basis.c @ np.concatenate([controls.r, controls.o], axis=1), to_rest
 
 
 def _along(basis: CubicSpline, controls: _Controls, q: float, column: int | None) -> Motion:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
-from adapt.model.frames import unit
+from adapt.model.frames import line_through, unit
+from adapt.model.hot.rows import Row, screw
 from adapt.model.joints.joint_type import JointType, rest_values
 from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, nearest_point, still_axes, unit_vector
 from adapt.model.variation import Motion, Points, compose
@@ -26,6 +27,12 @@ class Turning(JointType):
         for other in others:
             motion = compose(motion, other)
         return motion
+
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """One turn after the other."""
+        lines = [line_through(anatomy, axis, p.value) for axis in joint.axes]
+        rest = rest_values(anatomy, joint)
+        return [screw(k, rest[k], *lines[k], turn=1.0) for k in range(len(lines))]
 
 
 def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
