@@ -18,6 +18,7 @@ class Ball(Turning):
     name = "ball"
     units = ("rad", "rad", "rad")
     axes = 3
+    child_carries_centre = True
 
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """Two turns to a phantom body without extent, and from there a PinJoint for the third.

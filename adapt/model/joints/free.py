@@ -10,8 +10,9 @@ from adapt.model.frames import frame_from_landmarks
 from adapt.model.hot.rows import Row, place
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, Resting, TransformAxis
+from adapt.model.known_rows import of_known_rows
 from adapt.model.variation import Motion, Points, compose, invert
-from capture.rigid import exp_so3, left_jacobian_so3
+from capture.rigid import exp_so3, left_jacobian_so3, log_so3
 
 
 class Free(JointType):
@@ -33,6 +34,17 @@ class Free(JointType):
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
         """[exp(q_r), q_t] before C_child^-1."""
         return [place(invert(frame_from_landmarks(anatomy, anatomy.bone(joint.child).frame, p)))]
+
+    def rest(self, anatomy: Anatomy, joint: Joint, p: Points) -> Floats:
+        """Where the landmarks put the child's frame."""
+        frame = frame_from_landmarks(anatomy, anatomy.bone(joint.child).frame, p)
+        return np.concatenate([log_so3(frame.rotation), frame.translation])
+
+    def reported(self, joint: Joint, q: Floats) -> dict[str, Floats]:
+        """Body-fixed X-Y-Z angles, as OpenSim's FreeJoint has them, without jumps of a turn; and the origin."""
+        angles = of_known_rows(q[:, :3], euler_angles)
+        columns = {name: _unwrapped(angles[:, k]) for k, name in enumerate(euler_names(joint))}
+        return columns | dict(zip(joint.coordinates[3:], q.T[3:], strict=True))
 
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """Body-fixed X-Y-Z angles instead of the rotation vector, and the translation: what OpenSim's FreeJoint does.
@@ -63,3 +75,10 @@ def euler_names(joint: Joint) -> tuple[str, str, str]:
 def euler_angles(rotation_vectors: Floats) -> Floats:
     """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3)."""
     return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))
+
+
+def _unwrapped(angle: Floats) -> Floats:
+    """Degrees without jumps of a turn between frames; NaN frames are passed over."""
+    degrees, known = np.rad2deg(angle), np.isfinite(angle)
+    degrees[known] = np.unwrap(degrees[known], period=360.0)
+    return degrees

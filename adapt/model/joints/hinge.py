@@ -16,6 +16,7 @@ class Hinge(Turning):
     name = "hinge"
     units = ("rad",)
     axes = 1
+    child_carries_centre = True
 
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """PinJoint about P's z axis, with C turned back so that zero is the coordinate's own."""

@@ -22,6 +22,7 @@ class JointType(ABC):
     units: ClassVar[tuple[Literal["rad", "m"], ...]]  # of its coordinates
     axes: ClassVar[int] = 0  # how many
     free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
+    child_carries_centre: ClassVar[bool] = False  # as well as the parent: the child only turns about it
     turned_over: ClassVar[tuple[int, ...]] = ()  # which coordinates change their signs in the mirror image
 
     def problem(self, joint: Joint) -> str | None:
@@ -43,6 +44,15 @@ class JointType(ABC):
     @abstractmethod
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
         """The same motion for the compiled chain, each row after the one before, where landmarks do not vary."""
+
+    def rest(self, anatomy: Anatomy, joint: Joint, p: Points) -> Floats:
+        """The coordinates (rad, m) of a body with landmarks p where H = I: as a rule the template's."""
+        return rest_values(anatomy, joint)
+
+    def reported(self, joint: Joint, q: Floats) -> dict[str, Floats]:
+        """Values (T, k) of the coordinates as named columns (T,) in degrees and metres; NaN stays NaN."""
+        columns = zip(joint.coordinates, self.units, q.T, strict=True)
+        return {name: np.rad2deg(values) if unit == "rad" else values for name, unit, values in columns}
 
     def mirrored(self, joint: Joint) -> Joint:
         """The other side's joint (adapt.mirror): axes from the opposite ends, frames with z from the opposite ends."""
