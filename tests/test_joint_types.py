@@ -42,6 +42,7 @@ EXAMPLES: dict[str, str | tuple[tuple[str, str], ...]] = {
     "universal": (ALONG, FORWARD),
     "ball": (ALONG, FORWARD, UPWARD),
     "spline": "knee",
+    "cylindrical": (ALONG,),
 }
 
 

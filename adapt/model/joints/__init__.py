@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.joints.ball import Ball
+from adapt.model.joints.cylindrical import Cylindrical
 from adapt.model.joints.free import Free
 from adapt.model.joints.hinge import Hinge
 from adapt.model.joints.joint_type import JointType
@@ -21,6 +22,7 @@ _TYPES: tuple[JointType, ...] = (
     Universal(),
     Ball(),
     Spline(),
+    Cylindrical(),
 )
 JOINT_TYPES = {each.name: each for each in _TYPES}
 """Every type of joint by the name that an anatomy gives it."""
