@@ -24,7 +24,6 @@ Ints = NDArray[np.int64]
 FORMAT = "bonetrack-anatomy"
 VERSION = 2  # 2: ball and spline joints, bend deformers
 
-JointType = Literal["free", "hinge", "universal", "ball", "spline"]
 DeformerType = Literal["rigid", "forearm", "bend"]
 
 
@@ -74,12 +73,8 @@ class Bone:
 class Joint:
     """How ``child`` moves relative to ``parent`` (None: relative to the recording's frame).
 
-    free: six coordinates, a rotation vector (rad) and the origin of the child's frame (m), in the recording.
-    hinge: one coordinate, a turn about the line through the two landmarks of ``axes[0]``.
-    universal: two coordinates; the line ``axes[0]`` is fixed in the parent, ``axes[1]`` rides on the first turn.
-    ball: three coordinates, turns about three lines through one point, each riding on the one before.
-    spline: one coordinate; where it equals ``knots[i]`` (rad), a frame of the child coincides with ``frames[i]`` of
-    landmarks of the parent, and between knots it follows cubic splines (paper, section 3.6).
+    What its coordinates (rad, m), axes, knots and frames mean is said where the type is (``adapt.model.joints``). An
+    axis is the line from its first landmark to its second; ``frames[i]`` is where the coordinate equals ``knots[i]``.
     ``centre`` names the landmarks whose mean is the joint centre.
 
     Joints may share a coordinate: a kneecap follows the knee's.
@@ -87,7 +82,7 @@ class Joint:
     """
 
     name: str
-    type: JointType
+    type: str  # of adapt.model.joints.JOINT_TYPES
     parent: str | None
     child: str
     coordinates: tuple[str, ...]
@@ -97,7 +92,9 @@ class Joint:
     frames: tuple[Frame, ...] = ()
 
     def __post_init__(self) -> None:
-        problem = _joint_problem(self)
+        from adapt.model.joints import joint_problem  # which itself needs what is above
+
+        problem = joint_problem(self)
         if problem is not None:
             raise AnatomyError(problem, where=f"joint {self.name}", remedy="mend the anatomy's data")
 
@@ -105,31 +102,6 @@ class Joint:
         """Names of all landmarks that the joint's motion or centre depends on, each once."""
         in_frames = (name for frame in self.frames for names in astuple(frame) for name in names)
         return tuple(dict.fromkeys([*(name for axis in self.axes for name in axis), *in_frames, *self.centre]))
-
-
-_PARTS: dict[str, tuple[int, int]] = {
-    "free": (6, 0),
-    "hinge": (1, 1),
-    "universal": (2, 2),
-    "ball": (3, 3),
-    "spline": (1, 0),
-}
-"""How many coordinates and axes a joint of each type has."""
-
-
-def _joint_problem(joint: Joint) -> str | None:
-    """Why these parts make no joint, or None."""
-    if joint.type not in _PARTS:
-        return f"no type {joint.type!r}: the types are {', '.join(_PARTS)}"
-    if (len(joint.coordinates), len(joint.axes)) != _PARTS[joint.type]:
-        return "a joint of type {} has {} coordinate(s) and {} axes".format(joint.type, *_PARTS[joint.type])
-    if (joint.type == "free") != (joint.parent is None):
-        return "a free joint has no parent, and every other has one"
-    if len(joint.knots) != len(joint.frames) or (joint.type == "spline") != bool(joint.knots):
-        return "a spline joint has one frame a knot, and every other has none"
-    if joint.type == "spline" and (len(joint.knots) < 2 or not (np.diff(joint.knots) > 0.0).all()):
-        return "a spline joint needs two knots or more that increase"
-    return None
 
 
 @dataclass(frozen=True)

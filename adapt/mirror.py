@@ -9,7 +9,8 @@ pronation. What that asks of each part:
 - A frame C = [x y z] stays right-handed as S C S = [Sx, Sy, -Sz]: from the same y, and z from the opposite ends.
   z points to the body's right on both sides. This is ISB's rule for left limbs: mirror the data, use the definitions
   of the right (Wu et al. 2005, J Biomech 38:981).
-- A rotation vector r becomes -S r = (-rx, -ry, rz), a translation t becomes S t.
+- A rotation vector r becomes -S r = (-rx, -ry, rz), a translation t becomes S t. Which coordinates change their signs
+  a joint's type states.
 - Faces and tetrahedra change their orientation twice: by S, and by the order of their corners.
 """
 
@@ -20,12 +21,13 @@ from typing import assert_never
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Frame, Handle, Ints, Joint
+from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Handle, Ints, Joint
 from adapt.model.body import Body, make_body
+from adapt.model.frames import mirrored_frame
+from adapt.model.joints import JOINT_TYPES
 
 _OTHER = {"right": "left", "left": "right"}
 _SIGNS = np.array([1.0, 1.0, -1.0])
-_FREE_SIGNS = (-1, -1, 1, 1, 1, -1)  # of a free joint's coordinates: rotation vector, then origin
 
 
 def mirrored(anatomy: Anatomy) -> Anatomy:
@@ -91,14 +93,9 @@ def _turned_over(corners: Ints) -> Ints:
     return swapped
 
 
-def _frame(frame: Frame) -> Frame:
-    return replace(frame, z_from=frame.z_to, z_to=frame.z_from)
-
-
 def _bone(bone: Bone) -> Bone:
-    return Bone(
-        bone.name, _frame(bone.frame), mirrored_points(bone.vertices), _turned_over(bone.faces), bone.handle_weights
-    )
+    frame, vertices = mirrored_frame(bone.frame), mirrored_points(bone.vertices)
+    return Bone(bone.name, frame, vertices, _turned_over(bone.faces), bone.handle_weights)
 
 
 def _handle(handle: Handle) -> Handle:
@@ -107,29 +104,19 @@ def _handle(handle: Handle) -> Handle:
 
 
 def _joint(right: Joint) -> Joint:
-    joint = replace(right, coordinates=tuple(mirrored_coordinate(name) for name in right.coordinates))
-    match joint.type:
-        case "free":  # its child's frame is mirrored
-            return joint
-        case "hinge" | "universal" | "ball":
-            return replace(joint, axes=tuple((second, first) for first, second in joint.axes))
-        case "spline":
-            return replace(joint, frames=tuple(_frame(frame) for frame in joint.frames))
-        case _:
-            assert_never(joint.type)
+    named = replace(right, coordinates=tuple(mirrored_coordinate(name) for name in right.coordinates))
+    return JOINT_TYPES[right.type].mirrored(named)
 
 
 def _coordinates(anatomy: Anatomy) -> tuple[Coordinate, ...]:
-    """Coordinates keep their ranges, but those of a free joint that change their signs."""
-    turned = {
-        name
-        for joint in anatomy.joints
-        if joint.type == "free"
-        for name, sign in zip(joint.coordinates, _FREE_SIGNS, strict=True)
-        if sign < 0
-    }
+    """Coordinates keep their ranges, but those that change their signs turn them over."""
+    turned = {joint.coordinates[k] for joint in anatomy.joints for k in JOINT_TYPES[joint.type].turned_over}
     named = {c.name: replace(c, name=mirrored_coordinate(c.name)) for c in anatomy.coordinates}
-    return tuple(replace(c, low=-c.high, high=-c.low) if name in turned else c for name, c in named.items())
+    return tuple(_turned(c) if name in turned else c for name, c in named.items())
+
+
+def _turned(coordinate: Coordinate) -> Coordinate:
+    return replace(coordinate, low=-coordinate.high, high=-coordinate.low, rest=0.0 - coordinate.rest)
 
 
 def _deformer(deformer: Deformer) -> Deformer:
@@ -137,6 +124,6 @@ def _deformer(deformer: Deformer) -> Deformer:
         case "rigid":
             return deformer
         case "forearm" | "bend":
-            return replace(deformer, frames=tuple(_frame(frame) for frame in deformer.frames))
+            return replace(deformer, frames=tuple(mirrored_frame(frame) for frame in deformer.frames))
         case _:
             assert_never(deformer.type)

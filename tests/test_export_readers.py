@@ -16,10 +16,10 @@ import pytest
 
 from adapt.anatomy import load_anatomy
 from adapt.model.body import bone_frames, rest_theta
+from adapt.model.pose_space import reported_coordinates
 from adapt.subject import Subject
 from tests.known_limb import known_subject
 from tests.test_gltf import ReadBack
-from track.angles import reported_coordinates
 from track.evaluation import opensim_tools
 from track.evaluation.performance import random_body
 from track.export.files import export_motion, export_subject

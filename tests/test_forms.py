@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Anatomy, load_anatomy
-from adapt.fit.forms import FORMS, joint_coordinates, straightest, typical_forms
+from adapt.fit.forms import FORMS, straightest, typical_forms
 from adapt.fit.start import variations
 from adapt.model.body import make_body, pose_skin
+from adapt.model.pose_space import joint_coordinates
 
 
 @pytest.fixture(scope="module", params=["upper-limb-right", "lower-limb-left"])

@@ -9,7 +9,7 @@ import pytest
 
 from adapt.anatomy import Anatomy, load_anatomy
 from adapt.model.body import Body, bone_frames, make_body, posed_bones, rest_theta
-from track.angles import reported_coordinates
+from adapt.model.pose_space import reported_coordinates
 from track.evaluation import opensim_tools
 from track.evaluation.performance import Performance, motion_names, perform, random_body
 from track.export.opensim_tables import write_mot

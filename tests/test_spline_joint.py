@@ -18,13 +18,13 @@ from adapt.fit.start import variations
 from adapt.model.body import bone_frames, bone_transforms, joint_centres, make_body, pose_skin_varying, rest_theta
 from adapt.model.handles import affine_set
 from adapt.model.joints import joint_motion
+from adapt.model.pose_space import reported_coordinates
 from adapt.model.variation import Motion, constant_points
 from capture.errors import AnatomyError
 from capture.rigid import apply, inverse, rotation_angle, transform
 from tests.finite_differences import check_jacobian
 from tests.test_model import check_motion, seeded
 from tests.toy_leg import REST, REST_FROM_FEMUR, place, toy_leg
-from track.angles import reported_coordinates
 
 FLEXIONS = np.deg2rad(np.linspace(0.0, 120.0, 49))
 NUMERIC_CHECK = Path(__file__).parents[2] / "shared" / "kinematics" / "facts.json"

@@ -18,6 +18,7 @@ from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres
+from adapt.model.pose_space import advance, pose_difference
 from adapt.model.size import resized
 from adapt.subject import save_subject
 from capture.cloud.fuse import Region, region_of_interest
@@ -26,7 +27,7 @@ from capture.rigid import exp_so3, log_so3
 from tests.known_limb import FPS, FRAMES, bent, exact_cloud, exact_target, known_subject
 from track.motion import MotionError, load_motion
 from track.poses_by_hand import HandPose
-from track.prediction import advance, pose_difference, predict
+from track.prediction import predict
 from track.run import JOURNAL, track_recording
 from track.tracker import TrackerState, make_tracker
 from track.uncertainty import pose_covariance

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres, pose_skin, posed_bones, rest_theta
+from adapt.model.pose_space import reported_coordinates
 from adapt.subject import load_subject, save_subject
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
-from track.angles import read_thorax, refuse_without_humerus, reported_coordinates, thoraco_humeral
+from track.angles import read_thorax, refuse_without_humerus, thoraco_humeral
 from track.commands import print_motion
 from track.evaluation.performance import PerformanceError, perform_tables, read_motion_table
 from track.export.files import export_motion, export_subject

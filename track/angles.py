@@ -1,4 +1,4 @@
-"""Joint angles as people report them: degrees, OpenSim's coordinates, ISB's thoraco-humeral angles."""
+"""ISB's thoraco-humeral angles, in degrees; what else is reported of a pose see ``adapt.model.pose_space``."""
 
 from __future__ import annotations
 
@@ -9,40 +9,11 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.known_rows import of_known_rows
+from adapt.model.pose_space import root_joint
 from capture.rigid import exp_so3
 from track.motion import MotionError
-
-
-def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
-    """Poses (T, n) as named columns (T,): degrees for rotations, metres for translations.
-
-    A free joint's rotation vector is reported as OpenSim's FreeJoint does, as body-fixed X-Y-Z angles, under
-    the names ``<joint>_euler_x``, ``_y``, ``_z``. NaN poses stay NaN.
-    """
-    columns: dict[str, Floats] = {}
-    for joint in anatomy.joints:
-        index = [anatomy.coordinate_index(name) for name in joint.coordinates]
-        if joint.type == "free":
-            angles = _finite_rows(thetas[:, index[:3]], euler_angles)
-            columns |= {name: _unwrapped(angles[:, k]) for k, name in enumerate(euler_names(joint))}
-            index, names = index[3:], joint.coordinates[3:]
-        else:
-            names = joint.coordinates
-        for i, name in zip(index, names, strict=True):
-            rotational = anatomy.coordinates[i].unit == "rad"
-            columns[name] = np.rad2deg(thetas[:, i]) if rotational else thetas[:, i]
-    return columns
-
-
-def euler_names(joint: Joint) -> tuple[str, str, str]:
-    """Names of the angles that a free joint's rotation vector is reported as."""
-    return f"{joint.name}_euler_x", f"{joint.name}_euler_y", f"{joint.name}_euler_z"
-
-
-def euler_angles(rotation_vectors: Floats) -> Floats:
-    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3)."""
-    return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))
 
 
 def thoraco_humeral(
@@ -63,7 +34,7 @@ def thoraco_humeral(
         # Raising the arm turns about -X (ISB): the same rotation with the tilt's sign turned over.
         return np.column_stack([_half_turn(plane), tilt, _half_turn(axial)])
 
-    values = np.rad2deg(_finite_rows(thetas[:, rotation], angles))
+    values = np.rad2deg(of_known_rows(thetas[:, rotation], angles))
     names = ("plane_of_elevation", "elevation", "axial_rotation")
     return {f"thoracohumeral_{name}": values[:, k] for k, name in enumerate(names)}
 
@@ -74,7 +45,7 @@ def refuse_without_humerus(anatomy: Anatomy) -> None:
     Raises:
         MotionError: it is another.
     """
-    root = next(joint for joint in anatomy.joints if joint.type == "free")
+    root = root_joint(anatomy)
     if root.child != "humerus":
         problem = f"no thoraco-humeral angles: the free bone of {anatomy.name} is the {root.child}, not the humerus"
         raise MotionError(problem, remedy="leave out the thorax")
@@ -83,22 +54,6 @@ def refuse_without_humerus(anatomy: Anatomy) -> None:
 def _half_turn(angle: Floats) -> Floats:
     """angle + pi, brought into (-pi, pi]."""
     return np.asarray(np.pi - np.mod(-angle, 2.0 * np.pi))
-
-
-def _unwrapped(angle: Floats) -> Floats:
-    """Degrees without jumps of a turn between frames; NaN frames are passed over."""
-    degrees, known = np.rad2deg(angle), np.isfinite(angle)
-    degrees[known] = np.unwrap(degrees[known], period=360.0)
-    return degrees
-
-
-def _finite_rows(rows: Floats, function) -> Floats:  # type: ignore[no-untyped-def]
-    """Apply a function of (N, 3) to the finite rows; the others give NaN."""
-    known = np.isfinite(rows).all(axis=1)
-    result = np.full((len(rows), 3), np.nan)
-    if known.any():
-        result[known] = function(rows[known])
-    return result
 
 
 def read_thorax(path: Path) -> Floats:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from adapt.anatomy import Anatomy
-from track.prediction import pose_difference
+from adapt.model.pose_space import pose_difference
 from track.shown import coordinates_known
 from track.tracker import BACKWARD, BY_HAND, FOUND, TrackedFrame, Tracker, TrackerState
 

@@ -23,7 +23,7 @@ from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, data_term
 from adapt.fit.pose import PoseFit
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin_varying
-from track.prediction import advance, pose_difference
+from adapt.model.pose_space import advance, pose_difference
 
 if TYPE_CHECKING:
     from track.tracker import TrackedFrame

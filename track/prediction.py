@@ -8,7 +8,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.pose import GaussianPose
-from capture.rigid import exp_so3, log_so3
+from adapt.model.pose_space import advance
 
 ACCELERATION_RAD_S2 = 400.0  # motion prior: standard deviation of joint accelerations; fast people reach it
 ACCELERATION_M_S2 = 20.0
@@ -57,27 +57,3 @@ def unsure_where_unknown(anatomy: Anatomy, covariance: Floats, unknown_s: Floats
     unknown = unknown_s > 0.0
     told = covariance * ~(unknown[:, None] | unknown)
     return np.asarray(told + np.diag(np.where(unknown, guess, 0.0) ** 2))
-
-
-def pose_difference(anatomy: Anatomy, theta: Floats, earlier: Floats) -> Floats:
-    """theta - earlier (n,), with a free joint's turn as the rotation vector that leads from one to the other."""
-    difference = theta - earlier
-    for index in _free_rotations(anatomy):
-        difference[index] = log_so3(exp_so3(theta[index]) @ exp_so3(earlier[index]).T)
-    return difference
-
-
-def advance(anatomy: Anatomy, theta: Floats, step: Floats) -> Floats:
-    """The pose reached from ``theta`` by a ``pose_difference``; rotation vectors stay no longer than pi."""
-    moved = theta + step
-    for index in _free_rotations(anatomy):
-        moved[index] = log_so3(exp_so3(step[index]) @ exp_so3(theta[index]))
-    return moved
-
-
-def _free_rotations(anatomy: Anatomy) -> list[list[int]]:
-    return [
-        [anatomy.coordinate_index(name) for name in joint.coordinates[:3]]
-        for joint in anatomy.joints
-        if joint.type == "free"
-    ]

@@ -18,6 +18,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Target
+from adapt.model.pose_space import reported_coordinates, root_coordinates
 from adapt.subject import Subject
 from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.errors import CloudError
@@ -27,7 +28,7 @@ from capture.journal import Journal, journal_key, resume_journal
 from capture.own import refuse_any_foreign
 from capture.recording import Instant, Recording, instants, refuse_useless_depth
 from track.ahead import one_ahead
-from track.angles import refuse_without_humerus, reported_coordinates, thoraco_humeral
+from track.angles import refuse_without_humerus, thoraco_humeral
 from track.backward import anchors, go_back
 from track.belonging import subject_fingerprint
 from track.export.opensim_tables import MOT, TRC, write_mot, write_trc
@@ -197,8 +198,7 @@ def write_motion_folder(
     thetas = known_thetas(subject.anatomy, motion.thetas, motion.shown)
     columns = reported_coordinates(subject.anatomy, thetas)
     if world_from_thorax is not None:
-        root = next(joint for joint in subject.anatomy.joints if joint.type == "free")
-        rotation = [subject.anatomy.coordinate_index(name) for name in root.coordinates[:3]]
+        rotation = root_coordinates(subject.anatomy)[:3]
         columns |= thoraco_humeral(world_from_thorax, thetas, rotation, side=subject.anatomy.side)
     write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))
     write_trc(out / "centres.trc", motion.times, motion.centres)

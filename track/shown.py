@@ -16,8 +16,7 @@ from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.fit.judge import shows
 from adapt.fit.score import FoundPart
 from adapt.model.body import Body
-
-_TURNS_ABOUT_CENTRE = ("hinge", "ball")  # types of joints whose centre the child carries as well as the parent
+from adapt.model.joints import JOINT_TYPES
 
 Bools = NDArray[np.bool_]
 
@@ -89,4 +88,4 @@ def _ends(anatomy: Anatomy, joint: Joint) -> list[int]:
 
 def _carriers(anatomy: Anatomy, joint: Joint) -> list[int]:
     ends = _ends(anatomy, joint)
-    return ends if joint.type in _TURNS_ABOUT_CENTRE else ends[:1]
+    return ends if JOINT_TYPES[joint.type].child_carries_centre else ends[:1]

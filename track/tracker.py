@@ -25,10 +25,11 @@ from adapt.fit.score import score_pose
 from adapt.fit.start import CLEARLY_M, GOOD_M, locate, try_pose
 from adapt.fit.untold import towards_rest
 from adapt.model.body import Body
+from adapt.model.pose_space import pose_difference, root_joint
 from adapt.subject import Subject
 from capture.errors import FitError
 from track.out_of_step import late_lever
-from track.prediction import pose_difference, predict, unsure_where_unknown
+from track.prediction import predict, unsure_where_unknown
 from track.search import look_of, looks_changed
 from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen
 from track.uncertainty import pose_covariance
@@ -241,7 +242,7 @@ class Tracker:
         A forearm alone fits many places: where the root bone does not show, it must fit well.
         """
         anatomy = self.subject.anatomy
-        root = next(k for k, bone in enumerate(anatomy.bones) if bone.name == anatomy.joints[0].child)
+        root = next(k for k, bone in enumerate(anatomy.bones) if bone.name == root_joint(anatomy).child)
         if frame.lost or frame.residual_m <= (self.usual_m if frame.shown[root] else FRESH_RESIDUAL_M):
             return frame
         reason = f"skin and cloud are {1e3 * frame.residual_m:.1f} mm apart, too far for a pose found anew"

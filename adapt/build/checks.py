@@ -19,6 +19,7 @@ from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.frames import frame_from_landmarks
 from adapt.model.handles import AffineSet, affine_set, deform, handle_positions
 from adapt.model.kinematics import bone_motions
+from adapt.model.pose_space import is_free
 from capture.errors import AnatomyError
 from capture.rigid import rotation_angle
 
@@ -204,7 +205,7 @@ def _random_shape(affine: AffineSet, rng: np.random.Generator) -> Floats:
 
 def motions(body: Body, joints: tuple[Joint, ...] | None = None) -> Iterator[Floats]:
     """Poses over the range of motion: each joint over a grid of its coordinates, the others at rest."""
-    moving = [joint for joint in (body.anatomy.joints if joints is None else joints) if joint.type != "free"]
+    moving = [joint for joint in (body.anatomy.joints if joints is None else joints) if not is_free(joint)]
     for coordinates in dict.fromkeys(joint.coordinates for joint in moving):  # once where joints share them
         yield from _grid(body, coordinates)
 

@@ -17,16 +17,11 @@ from scipy.spatial.transform import Rotation
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.sample import sample_skin
 from adapt.model.body import make_body, pose_skin
+from adapt.model.pose_space import joint_coordinates
 
 FORMS = 12
 _DRAWN = 300
 _VERTICES = 100
-
-
-def joint_coordinates(anatomy: Anatomy) -> list[int]:
-    """Where the coordinates that change a limb's form stand in theta, each once: all but those of free joints."""
-    names = {name for joint in anatomy.joints if joint.type != "free" for name in joint.coordinates}
-    return sorted(anatomy.coordinate_index(name) for name in names)
 
 
 def straightest(anatomy: Anatomy) -> Floats:

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Floats
 from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres
 from adapt.fit.least_squares import PLANE_WEIGHT, Quadratic, data_energy, data_term, gaussian_term, levenberg_marquardt
 from adapt.fit.priors import range_term
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin, pose_skin_varying
+from adapt.model.pose_space import wrap
 from capture.errors import FitError
 
 _TIGHTEST_GATE_M = 0.012
@@ -117,15 +118,3 @@ def match_pose(body: Body, target: Target, theta: Floats, sample: SkinSample, *,
 def next_gate(matches: Correspondences, widest_m: float) -> float:
     """A gate (m) of four robust standard deviations of what the matches disagree by, along the normal."""
     return float(np.clip(4.0 * 1.48 * np.median(np.abs(matches.distance)), _TIGHTEST_GATE_M, widest_m))
-
-
-def wrap(anatomy: Anatomy, theta: Floats) -> Floats:
-    """The same pose with free joints' rotation vectors no longer than pi, where they vary smoothly."""
-    wrapped = theta.copy()
-    for joint in anatomy.joints:
-        if joint.type == "free":
-            index = [anatomy.coordinate_index(name) for name in joint.coordinates[:3]]
-            angle = float(np.linalg.norm(wrapped[index]))
-            if angle > np.pi:
-                wrapped[index] *= 1.0 - 2.0 * np.pi / angle
-    return wrapped

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
-from adapt.fit.forms import joint_coordinates
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_misfit
 from adapt.fit.priors import shape_precision
@@ -29,7 +28,8 @@ from adapt.fit.score import skin_apart
 from adapt.fit.shape import ShapeFit, fit_shape
 from adapt.fit.start import try_pose
 from adapt.mirror import mirrored_body, mirrored_name
-from adapt.model.body import Body, make_body, moved_rigidly, pose_skin
+from adapt.model.body import Body, make_body, pose_skin
+from adapt.model.pose_space import joint_coordinates, moved_rigidly
 from adapt.model.size import resized
 from capture.errors import FitError
 from capture.rigid import exp_so3

@@ -24,10 +24,11 @@ from adapt.fit.least_squares import (
     gaussian_term,
     levenberg_marquardt,
 )
-from adapt.fit.pose import match_pose, next_gate, wrap
+from adapt.fit.pose import match_pose, next_gate
 from adapt.fit.priors import range_term, shape_precision
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
+from adapt.model.pose_space import wrap
 from adapt.model.variation import Points
 from adapt.tissue import TissueField, tissue_field
 

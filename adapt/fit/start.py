@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Target
-from adapt.fit.forms import joint_coordinates, typical_forms
+from adapt.fit.forms import typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.placing import Placements, Scene, costs
 from adapt.fit.pose import fit_pose
@@ -26,6 +26,7 @@ from adapt.fit.score import FoundPart, ScoredPose, find_skin, score_pose
 from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.untold import towards_rest
 from adapt.model.body import Body, pose_skin, rest_theta
+from adapt.model.pose_space import joint_coordinates, root_coordinates
 from capture.cloud.fuse import Cloud
 from capture.errors import FitError
 from capture.rigid import exp_so3
@@ -174,25 +175,20 @@ def _coarse_candidates(body: Body, parts: list[Cloud], rng: np.random.Generator)
                 thetas.append(theta)
                 scores.append(score)
     order = np.argsort(np.concatenate(scores), kind="stable")
-    return _distinct(np.concatenate(thetas)[order], _root(body.anatomy), _REFINED)
+    return _distinct(np.concatenate(thetas)[order], np.array(root_coordinates(body.anatomy)), _REFINED)
 
 
 def _configurations(body: Body) -> Iterator[_Coarse]:
     """Joint configurations that stand for all forms of the limb, root frame at the identity."""
     anatomy = body.anatomy
     sample = sample_skin(anatomy, at_most=_COARSE_VERTICES)
-    root = _root(anatomy)
+    root = np.array(root_coordinates(anatomy))
     tip = np.linalg.norm(body.v_tilde.value - rest_theta(body)[root[3:]], axis=1).argmax()
     chosen = sample.vertices
     for theta in typical_forms(anatomy):
         skin = pose_skin(body, theta)
         normals = sample.normals(skin)[chosen]
         yield _Coarse(theta, root, skin[chosen], normals, sample.observations[chosen], skin[tip])
-
-
-def _root(anatomy: Anatomy) -> Ints:
-    joint = anatomy.joints[0]
-    return np.array([anatomy.coordinate_index(name) for name in joint.coordinates])
 
 
 def _place(coarse: _Coarse, rotations: Floats, scene: Scene, extremities: Floats) -> Iterator[tuple[Floats, Floats]]:

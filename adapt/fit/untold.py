@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.model.body import Body, bone_transforms, moved_rigidly
+from adapt.model.body import Body, bone_transforms
+from adapt.model.pose_space import is_free, moved_rigidly
 from capture.rigid import inverse
 
 Bools = NDArray[np.bool_]
@@ -24,7 +25,7 @@ def untold(anatomy: Anatomy, shown: Bools) -> Bools:
         beyond = np.isin(names, _beyond(anatomy, joint.child))
         for name in joint.coordinates:
             sides = shown[beyond].any() and shown[~beyond].any()
-            told[anatomy.coordinate_index(name)] |= joint.type == "free" or sides
+            told[anatomy.coordinate_index(name)] |= is_free(joint) or sides
     return np.asarray(~told)
 
 

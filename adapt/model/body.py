@@ -19,9 +19,9 @@ from adapt.model.hot.chain import Chain
 from adapt.model.hot.prepared import prepare_chain, prepare_skin
 from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
+from adapt.model.pose_space import rest_pose
 from adapt.model.variation import Motion, Points, constant_points, still_points
 from capture.errors import AnatomyError
-from capture.rigid import apply, exp_so3, log_so3
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,24 +108,9 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
     return Body(anatomy, shape, v_hat)
 
 
-def moved_rigidly(anatomy: Anatomy, theta: Floats, move: Floats) -> Floats:
-    """The pose (n,) in which the whole body stands moved by a rigid transform (4, 4)."""
-    root = [anatomy.coordinate_index(name) for name in anatomy.joints[0].coordinates]
-    moved = theta.copy()
-    moved[root[:3]] = log_so3(move[:3, :3] @ exp_so3(theta[root[:3]]))
-    moved[root[3:]] = apply(move, theta[root[3:]][None])[0]
-    return moved
-
-
 def rest_theta(body: Body) -> Floats:
     """The pose (n,) in which the body stands as its rest skin: T_b = identity for every bone."""
-    theta = np.array([coordinate.rest for coordinate in body.anatomy.coordinates])
-    for joint in body.anatomy.joints:
-        if joint.type == "free":
-            frame = frame_from_landmarks(body.anatomy, body.anatomy.bone(joint.child).frame, body.p)
-            index = [body.anatomy.coordinate_index(name) for name in joint.coordinates]
-            theta[index] = np.concatenate([log_so3(frame.rotation), frame.translation])
-    return theta
+    return rest_pose(body.anatomy, body.p)
 
 
 def pose_skin(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Floats:

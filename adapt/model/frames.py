@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
@@ -13,6 +15,12 @@ def landmark_mean(anatomy: Anatomy, p: Points, names: tuple[str, ...]) -> tuple[
     """Mean of some landmarks: the point (3,) and its derivative (3, n)."""
     index = [anatomy.landmark_index(name) for name in names]
     return p.value[index].sum(axis=0) / len(index), p.d[index].sum(axis=0) / len(index)
+
+
+def line_through(anatomy: Anatomy, axis: tuple[str, str], landmarks: Floats) -> tuple[Floats, Floats]:
+    """A point (3,) and the direction (3,) of the line through two of the landmarks (P, 3), from the first."""
+    first, second = (landmarks[anatomy.landmark_index(name)] for name in axis)
+    return first, (second - first) / np.linalg.norm(second - first)
 
 
 def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
@@ -31,6 +39,11 @@ def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
     about_y = (x @ dw - (w @ y) * (x @ dy)) / length
     d_rotation = k @ dy + y[:, None] * about_y
     return Motion(np.column_stack([x, y, z]), origin, d_rotation, d_origin)
+
+
+def mirrored_frame(frame: Frame) -> Frame:
+    """The other side's: of mirrored landmarks a right-handed frame, z from the opposite ends (adapt.mirror)."""
+    return replace(frame, z_from=frame.z_to, z_to=frame.z_from)
 
 
 def unit(u: Floats, du: Floats) -> tuple[Floats, Floats]:

@@ -16,10 +16,10 @@ import numpy as np
 from adapt.anatomy import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import posed_bones
+from adapt.model.pose_space import reported_coordinates
 from adapt.subject import load_subject, save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.recording import open_recording
-from track.angles import reported_coordinates
 from track.export.gltf import write_gltf
 from track.run import track_recording
 from track.shown import known_thetas

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from adapt.anatomy import Anatomy, Coordinate, load_anatomy
+from adapt.model.pose_space import is_free
 
 # What a positive value does, in the words of a clinic.
 MEANING = {
@@ -44,7 +45,7 @@ def coordinate_table(anatomy: Anatomy) -> str:
     for coordinate in anatomy.coordinates:
         joint = joint_of[coordinate.name]
         limits = ("any", "-", "m" if coordinate.unit == "m" else "rad")
-        low, rest, unit = limits if joint.type == "free" else _degrees(coordinate)
+        low, rest, unit = limits if is_free(joint) else _degrees(coordinate)
         words = MEANING.get(coordinate.name, "")
         lines.append(f"| `{coordinate.name}` | {joint.name} ({joint.type}) | {unit} | {low} | {rest} | {words} |")
     return "\n".join(lines)

@@ -16,6 +16,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint, load_anatomy
 from adapt.model.body import Body, joint_centres, make_body, pose_skin
+from adapt.model.pose_space import is_free, root_joint
 from capture.camera import Camera, project
 from capture.files import replaced_when_complete
 from capture.rigid import apply, inverse
@@ -39,7 +40,7 @@ def turning(anatomy: Anatomy) -> list[tuple[str, Joint]]:
     """The joint angles, each with its (first) joint."""
     found: dict[str, Joint] = {}
     for joint in anatomy.joints:
-        if joint.type != "free":
+        if not is_free(joint):
             for name in joint.coordinates:
                 found.setdefault(name, joint)
     return list(found.items())
@@ -84,7 +85,7 @@ def free_picture(anatomy: Anatomy, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    body, root = make_body(anatomy), anatomy.joints[0]
+    body, root = make_body(anatomy), root_joint(anatomy)
     zero = np.zeros(len(anatomy.coordinates))
     poses = {"all at zero": zero}
     for name in root.coordinates:

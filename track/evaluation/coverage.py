@@ -18,12 +18,13 @@ import numpy as np
 from scipy.stats import norm
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.model.pose_space import free_coordinates, moved_rigidly
 from capture.console import stdout
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
-from capture.rigid import apply, exp_so3, inverse, log_so3
+from capture.rigid import inverse
 from track.evaluation.errors import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
 from track.shown import coordinates_known
@@ -86,7 +87,7 @@ def score_motion(motion: Motion, recording: Recording) -> Scores:
         )
     at = np.abs(truth.times[None] - motion.times[frames, None]).argmin(axis=1)
     common_from_world = inverse(world_from_common(recording, truth))
-    true = np.array([_carried(anatomy, theta, common_from_world) for theta in truth.thetas[at]])
+    true = np.array([moved_rigidly(anatomy, theta, common_from_world) for theta in truth.thetas[at]])
     errors = np.array([_error(anatomy, *pair) for pair in zip(motion.thetas[frames], true, strict=True)])
     return Scores(anatomy, errors, motion.deviations[frames])
 
@@ -134,32 +135,15 @@ def _unit(unit: str) -> tuple[str, float]:
     return ("deg", 180.0 / np.pi) if unit == "rad" else ("mm", 1e3)
 
 
-def _carried(anatomy: Anatomy, theta: Floats, to_from: Floats) -> Floats:
-    """The pose (n,) seen from another frame."""
-    carried = theta.copy()
-    for index in _free(anatomy):
-        carried[index[:3]] = log_so3(to_from[:3, :3] @ exp_so3(theta[index[:3]]))
-        carried[index[3:]] = apply(to_from, theta[None, index[3:]])[0]
-    return carried
-
-
 def _error(anatomy: Anatomy, theta: Floats, true: Floats) -> Floats:
     """theta - true (n,), with the true rotation vectors taken as near the tracked ones as turns allow."""
     nearest = true.copy()
-    for index in _free(anatomy):
+    for index in free_coordinates(anatomy):
         vector = true[index[:3]]
         angle = max(float(np.linalg.norm(vector)), 1e-9)
         turns = [vector * (1.0 + 2.0 * np.pi * k / angle) for k in (-1, 0, 1)]
         nearest[index[:3]] = min(turns, key=lambda turn: float(np.linalg.norm(turn - theta[index[:3]])))
     return np.asarray(theta - nearest)
-
-
-def _free(anatomy: Anatomy) -> list[list[int]]:
-    return [
-        [anatomy.coordinate_index(name) for name in joint.coordinates]
-        for joint in anatomy.joints
-        if joint.type == "free"
-    ]
 
 
 def table_lines(rows: list[Coverage], subjects: int) -> list[str]:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
+from adapt.model.pose_space import joint_coordinates, root_joint
 from adapt.subject import Subject
 from capture.files import UNREADABLE, read_arrays
 from capture.own import json_of, replaced_if_own
@@ -224,7 +225,7 @@ def _frame_errors(
         distance = np.linalg.norm(apply(common, centre[None])[0] - true_centres[name])
         errors[f"centre {name}", "mm"] = 1e3 * float(distance)
     errors |= _angle_errors(body.anatomy, theta, true_theta)
-    root = body.anatomy.joints[0].child
+    root = root_joint(body.anatomy).child
     turn = common[:3, :3] @ bone_frames(body, theta)[root][:3, :3] @ bone_frames(true_body, true_theta)[root][:3, :3].T
     errors[f"orientation {root}", "deg"] = float(np.rad2deg(np.linalg.norm(log_so3(turn))))
     true_bones = posed_bones(true_body, true_theta)
@@ -247,11 +248,9 @@ def _frame_errors(
 
 
 def _angle_errors(anatomy: Anatomy, theta: Floats, true_theta: Floats) -> dict[tuple[str, str], float]:
-    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
     return {
-        (f"angle {coordinate.name}", "deg"): float(np.rad2deg(abs(theta[i] - true_theta[i])))
-        for i, coordinate in enumerate(anatomy.coordinates)
-        if coordinate.name not in free
+        (f"angle {anatomy.coordinates[i].name}", "deg"): float(np.rad2deg(abs(theta[i] - true_theta[i])))
+        for i in joint_coordinates(anatomy)
     }
 
 

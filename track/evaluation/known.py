@@ -12,10 +12,11 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.correspondences import Target
 from adapt.model.body import Body, joint_centres
+from adapt.model.pose_space import moved_rigidly
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.recording import Calibration, Recording, instants, open_recording
-from capture.rigid import exp_so3, inverse, log_so3
+from capture.rigid import inverse
 from capture.simulation.sensor import NoiseModel, carmine
 from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
 from track.evaluation.errors import read_truth, world_from_common, world_of_sensors
@@ -91,15 +92,7 @@ def record_meshes(
 
 def carried(anatomy: Anatomy, thetas: Floats, to_from: Floats) -> Floats:
     """Poses (T, n) as another frame (4, 4) sees them."""
-    moved = thetas.copy()
-    for joint in anatomy.joints:
-        if joint.type != "free":
-            continue
-        index = [anatomy.coordinate_index(name) for name in joint.coordinates]
-        for theta in moved:
-            theta[index[:3]] = log_so3(to_from[:3, :3] @ exp_so3(theta[index[:3]]))
-            theta[index[3:]] = to_from[:3, :3] @ theta[index[3:]] + to_from[:3, 3]
-    return moved
+    return np.array([moved_rigidly(anatomy, theta, to_from) for theta in thetas])
 
 
 def centre_errors(body: Body, thetas: Floats, true_body: Body, true_thetas: Floats) -> dict[str, Floats]:

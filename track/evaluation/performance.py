@@ -21,6 +21,7 @@ from adapt.coordinate_columns import coordinate_column, refuse_outside_range, sa
 from adapt.mirror import mirrored_coordinate, mirrored_name
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.model.handles import affine_set
+from adapt.model.pose_space import free_coordinates, joint_index
 from adapt.model.surface import incidence, vertex_normals
 from adapt.tissue import tissue_deviation
 from capture.errors import BonetrackError
@@ -194,8 +195,8 @@ def read_motion_table(path: Path, body: Body) -> Performance:
 def _theta(body: Body, columns: dict[str, Floats], count: int) -> Floats:
     thetas = np.tile(rest_theta(body), (count, 1))
     for joint in body.anatomy.joints:
-        for name in joint.coordinates if joint.type == "universal" else ():
-            thetas[:, body.anatomy.coordinate_index(name)] = 0.0
+        if len(joint.axes) == 2:  # held straight, not as at rest: a wrist
+            thetas[:, joint_index(body.anatomy, joint)] = 0.0
     for name, values in columns.items():
         thetas[:, body.anatomy.coordinate_index(name)] = values
     return thetas
@@ -221,10 +222,7 @@ def _sway(body: Body, thetas: Floats, fps: float, rng: np.random.Generator) -> F
     """Slow turns and shifts of the free joint."""
     time = np.arange(len(thetas)) / fps
     swayed = thetas.copy()
-    for joint in body.anatomy.joints:
-        if joint.type != "free":
-            continue
-        index = [body.anatomy.coordinate_index(name) for name in joint.coordinates]
+    for index in free_coordinates(body.anatomy):
         rate, phase = rng.uniform(0.15, 0.45, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
         waves = np.sin(2.0 * np.pi * rate * time[:, None] + phase)
         turn = Rotation.from_rotvec(np.deg2rad(_SWAY_DEG) * waves[:, :3])

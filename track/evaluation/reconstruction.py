@@ -8,6 +8,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.body import Body, bone_transforms, joint_centres
+from adapt.model.pose_space import joint_coordinates
 from capture.rigid import inverse
 from track.evaluation.errors import distance_to_mesh
 
@@ -50,8 +51,7 @@ def reconstruction_of_poses(body: Body, thetas: Floats, world: Floats) -> Recons
 
 def compared_coordinates(anatomy: Anatomy) -> list[str]:
     """Coordinates that mean the same in every tool: all but the free joint's."""
-    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
-    return [coordinate.name for coordinate in anatomy.coordinates if coordinate.name not in free]
+    return [anatomy.coordinates[i].name for i in joint_coordinates(anatomy)]
 
 
 def differences(one: Reconstruction, other: Reconstruction, faces: dict[str, Ints]) -> dict[tuple[str, str], Floats]:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.body import Body, pose_skin, posed_bones
+from adapt.model.pose_space import reported_coordinates
 from adapt.model.surface import submesh
 from adapt.subject import Subject
 from capture._open3d import open3d
 from capture.own import WRITTEN, Mark, refuse_any_foreign, replaced_if_own, table_of, words
-from track.angles import reported_coordinates
 from track.belonging import refuse_other_subject
 from track.export.opensim_tables import MOT, TRC, write_mot, write_mot_in_radians, write_trc
 from track.export.osim import landmark_markers, marker_paths, osim_files, write_osim

@@ -17,16 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.body import Body
+from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, TransformAxis
 from capture.own import WRITTEN, Mark, refuse_any_foreign, replaced_if_own, words
 from capture.rigid import apply, inverse
-from track.export.osim_joints import (
-    OsimCoordinate,
-    OsimJoint,
-    TransformAxis,
-    body_frames,
-    coupled_coordinates,
-    osim_joints,
-)
+from track.export.osim_joints import body_frames, coupled_coordinates, osim_joints
 from track.export.osim_mass import Mass, segment_masses
 
 GEOMETRY = "Geometry"  # the folder beside a model where OpenSim looks for meshes

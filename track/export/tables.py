@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.model.pose_space import reported_coordinates
 from capture.own import Mark, replaced_if_own, table_of, tail
-from track.angles import reported_coordinates
 from track.motion import Motion, MotionError
 from track.shown import known_thetas
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.model.pose_space import joint_coordinates
 from capture.own import PNG, replaced_if_own
 from track.motion import Motion
 from track.shown import known_thetas
@@ -22,8 +23,7 @@ def plot_angles(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
-    shown = [i for i, coordinate in enumerate(anatomy.coordinates) if coordinate.name not in free]
+    shown = joint_coordinates(anatomy)
     known = known_thetas(anatomy, motion.thetas, motion.shown)
     figure = Figure(figsize=(9, 1.9 * len(shown)), layout="constrained")
     FigureCanvasAgg(figure)

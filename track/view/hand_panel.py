@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
+from adapt.anatomy import Anatomy, Coordinate, Floats
+from adapt.model.pose_space import root_coordinates, root_joint
 from capture.errors import BonetrackError
 from capture.rigid import exp_so3, log_so3
 from track.poses_by_hand import UNITS, HandPose, as_shown, from_shown, read_poses, write_poses
@@ -54,8 +55,8 @@ class HandPanel:
             "Show the pose set by hand", False, hint="Instead of the tracked pose of this frame"
         )
         self._take = server.gui.add_button("Begin from the pose of this frame")
-        self._root = next(joint for joint in anatomy.joints if joint.type == "free")
-        where = set(self._root.coordinates)
+        self._root = root_coordinates(anatomy)
+        where = set(root_joint(anatomy).coordinates)
         sliders = {c.name: self._slider(c) for c in anatomy.coordinates if c.name not in where}
         with server.gui.add_folder("Where the limb is (or drag the handle)", expand_by_default=False):
             sliders |= {c.name: self._slider(c) for c in anatomy.coordinates if c.name in where}
@@ -225,7 +226,7 @@ class HandPanel:
         if not self._is_of_this_frame:
             self._begin()
             return
-        turn, shift = _free(self._anatomy, self._root)
+        turn, shift = self._root[:3], self._root[3:]
         theta = self._theta.copy()
         theta[turn] = log_so3(Rotation.from_quat(np.asarray(self._gizmo.wxyz), scalar_first=True).as_matrix())
         theta[shift] = np.asarray(self._gizmo.position)
@@ -234,7 +235,7 @@ class HandPanel:
         self._changed()
 
     def _place_gizmo(self) -> None:
-        turn, shift = _free(self._anatomy, self._root)
+        turn, shift = self._root[:3], self._root[3:]
         self._gizmo.wxyz = Rotation.from_matrix(exp_so3(self._theta[turn])).as_quat(scalar_first=True)
         self._gizmo.position = self._theta[shift]
 
@@ -294,9 +295,3 @@ def _fit_in_words(found: TrackedFrame, anatomy: Anatomy) -> str:
 def _step(coordinate: Coordinate) -> float:
     """Half of a slider's step, in rad or m."""
     return from_shown(coordinate, 0.051 if UNITS[coordinate.unit] == "deg" else 0.00051)
-
-
-def _free(anatomy: Anatomy, root: Joint) -> tuple[list[int], list[int]]:
-    """Places in theta of a free joint's rotation vector and of its translation."""
-    index = [anatomy.coordinate_index(name) for name in root.coordinates]
-    return index[:3], index[3:]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Coordinate, Floats
+from adapt.model import pose_space
 from adapt.model.body import Body, rest_theta
 from adapt.subject import Subject, load_subject
 from capture.cloud.fuse import Region
@@ -177,8 +178,7 @@ def _name(path: Path) -> str:
 
 def joint_coordinates(anatomy: Anatomy) -> list[tuple[int, Coordinate]]:
     """Place in theta and description of the coordinates that people call joint angles: all but a free joint's."""
-    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
-    return [(i, coordinate) for i, coordinate in enumerate(anatomy.coordinates) if coordinate.name not in free]
+    return [(i, anatomy.coordinates[i]) for i in pose_space.joint_coordinates(anatomy)]
 
 
 def runs(flags: NDArray[np.bool_]) -> list[slice]:

@@ -8,27 +8,28 @@ import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.hot.rotations import add_cross, add_product, exp, left_jacobian, turn
+from adapt.model.hot.rows import PLACE, SCREW
 from capture.compiled import compiled
-
-FREE, TURN, SPLINE = 0, 1, 2
 
 
 class Chain(NamedTuple):
     """S elementary motions, parents before children: H = G(q) A, T_bone = T_before H.
 
-    A joint with several axes is several turns, each with the bone that the one before has moved as its ``before``.
-    ``before`` is -1 where the motion starts from the recording's frame.
+    They are the rows of ``adapt.model.hot.rows``. A joint may have several, each with the bone that the one before has
+    moved as its ``before``, which is -1 where the motion starts from the recording's frame.
     """
 
     kind: Ints  # (S,)
     before: Ints  # (S,) bone
     bone: Ints  # (S,)
-    coordinates: Ints  # (S, 6) where q stands in theta; all six of a free joint, else the first
-    rest: Floats  # (S,) of a turn: q at rest
-    point: Floats  # (S, 3) of a turn: on its axis
-    direction: Floats  # (S, 3) of a turn
-    knots: Floats  # (S, K) of a spline, the last repeated to fill the row
-    pieces: Floats  # (S, 4, K - 1, 6) of a spline: r (rad) and o (m) as cubics of q - knot, highest power first
+    coordinates: Ints  # (S, 6) where q stands in theta; all six of what is placed, else the first
+    rest: Floats  # (S,) of a screw: q at rest
+    point: Floats  # (S, 3) of a screw: on its axis
+    direction: Floats  # (S, 3) of a screw
+    turn: Floats  # (S,) of a screw: rad for one of q
+    shift: Floats  # (S,) of a screw: m for one of q
+    knots: Floats  # (S, K) of a glide, the last repeated to fill the row
+    pieces: Floats  # (S, 4, K - 1, 6) of a glide: r (rad) and o (m) as cubics of q - knot, highest power first
     after_rotation: Floats  # (S, 3, 3) of A
     after_translation: Floats  # (S, 3)
 
@@ -72,7 +73,7 @@ def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: 
             for c in range(6):
                 h.d_rotation[i, c], h.d_translation[i, c] = 0.0, 0.0
         own = 1
-        if chain.kind[s] == FREE:
+        if chain.kind[s] == PLACE:
             own = 6
             for i in range(3):
                 q[i] = theta[chain.coordinates[s, i]]
@@ -80,8 +81,9 @@ def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: 
                 h.d_translation[i, 3 + i] = 1.0
             exp(q, g)
             left_jacobian(q, h.d_rotation)  # fills the first three columns
-        elif chain.kind[s] == TURN:
-            _turn(chain.direction[s], chain.point[s], theta[chain.coordinates[s, 0]] - chain.rest[s], h, q, g)
+        elif chain.kind[s] == SCREW:
+            step = theta[chain.coordinates[s, 0]] - chain.rest[s]
+            _screw(chain.direction[s], chain.point[s], chain.turn[s], chain.shift[s], step, h, q, g)
         else:
             _glide(chain.knots[s], chain.pieces[s], theta[chain.coordinates[s, 0]], h, q, g)
         turn(g, chain.after_translation[s], q)
@@ -101,22 +103,24 @@ def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: 
 
 
 @compiled
-def _turn(direction: Floats, point: Floats, angle: float, h: _Step, q: Floats, g: Floats) -> None:
-    """A turn about the line through ``point``: x' = R (x - point) + point; R goes to ``g``."""
+def _screw(
+    direction: Floats, point: Floats, turned: float, shifted: float, step: float, h: _Step, q: Floats, g: Floats
+) -> None:
+    """A turn about the line through ``point`` and a shift along it: x' = R (x - point) + point + s; R goes to ``g``."""
     for i in range(3):
-        q[i] = angle * direction[i]
+        q[i] = turned * step * direction[i]
     exp(q, g)
     turn(g, point, q)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        h.translation[i] = point[i] - q[i]
-        h.d_rotation[i, 0] = direction[i]
-        h.d_translation[i, 0] = q[j] * direction[k] - q[k] * direction[j]
+        h.translation[i] = point[i] - q[i] + shifted * step * direction[i]
+        h.d_rotation[i, 0] = turned * direction[i]
+        h.d_translation[i, 0] = turned * (q[j] * direction[k] - q[k] * direction[j]) + shifted * direction[i]
 
 
 @compiled
 def _glide(knots: Floats, pieces: Floats, at: float, h: _Step, q: Floats, g: Floats) -> None:
-    """G of a spline joint at a coordinate's value, in straight lines beyond the outermost knots; R goes to ``g``."""
+    """G of a glide at a coordinate's value, in straight lines beyond the outermost knots; R goes to ``g``."""
     nearest = min(max(at, knots[0]), knots[-1])
     piece = 0
     while piece < pieces.shape[1] - 1 and nearest > knots[piece + 1]:

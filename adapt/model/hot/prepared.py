@@ -7,53 +7,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.anatomy import Anatomy, Floats
 from adapt.model.deformers import Bound
 from adapt.model.deformers.bend import BoundBend
 from adapt.model.deformers.forearm import BoundForearm
-from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.chain import FREE, SPLINE, TURN, Chain
+from adapt.model.hot.chain import Chain
+from adapt.model.hot.rows import Row
 from adapt.model.hot.skin import BEND, FOREARM, RIGID, BoundSkin
-from adapt.model.joints.spline import spline_cubics
-from adapt.model.variation import Motion, Points, constant_points, invert
-
-
-class _Step(NamedTuple):
-    """One row of a Chain."""
-
-    kind: int
-    before: int
-    bone: int
-    coordinates: tuple[int, ...]
-    rest: float
-    point: Floats
-    direction: Floats
-    knots: Floats
-    pieces: Floats
-    after: Motion
-
-
-_STILL = Motion(np.eye(3), np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0)))
-_NO_KNOTS, _NO_PIECES = np.zeros(2), np.zeros((4, 1, 6))
+from adapt.model.joints import JOINT_TYPES
+from adapt.model.variation import Points, constant_points
 
 
 def prepare_chain(anatomy: Anatomy, landmarks: Floats) -> Chain:
     """The joints of an anatomy whose landmarks (P, 3) stand where a body's shape has put them."""
-    order = [bone.name for bone in anatomy.bones]
-    steps = [step for joint in anatomy.joints for step in _steps(anatomy, joint, landmarks, order)]
-    widest = max(len(step.knots) for step in steps)
+    steps = list(_steps(anatomy, constant_points(landmarks, 0)))
+    rows = [step.row for step in steps]
+    widest = max(len(row.knots) for row in rows)
     return Chain(
-        kind=np.array([step.kind for step in steps]),
+        kind=np.array([row.kind for row in rows]),
         before=np.array([step.before for step in steps]),
         bone=np.array([step.bone for step in steps]),
         coordinates=np.array([np.resize(step.coordinates, 6) for step in steps]),
-        rest=np.array([step.rest for step in steps]),
-        point=np.array([step.point for step in steps]),
-        direction=np.array([step.direction for step in steps]),
-        knots=np.array([np.pad(step.knots, (0, widest - len(step.knots)), mode="edge") for step in steps]),
-        pieces=np.array([_padded(step.pieces, widest - 1) for step in steps]),
-        after_rotation=np.array([step.after.rotation for step in steps]),
-        after_translation=np.array([step.after.translation for step in steps]),
+        rest=np.array([row.rest for row in rows]),
+        point=np.array([row.point for row in rows]),
+        direction=np.array([row.direction for row in rows]),
+        turn=np.array([row.turn for row in rows]),
+        shift=np.array([row.shift for row in rows]),
+        knots=np.array([np.pad(row.knots, (0, widest - len(row.knots)), mode="edge") for row in rows]),
+        pieces=np.array([_padded(row.pieces, widest - 1) for row in rows]),
+        after_rotation=np.array([row.after.rotation for row in rows]),
+        after_translation=np.array([row.after.translation for row in rows]),
     )
 
 
@@ -85,23 +68,22 @@ def prepare_skin(anatomy: Anatomy, bound: Sequence[Bound]) -> BoundSkin:
     return skin
 
 
-def _steps(anatomy: Anatomy, joint: Joint, landmarks: Floats, order: list[str]) -> Iterator[_Step]:
-    index = tuple(anatomy.coordinate_index(name) for name in joint.coordinates)
-    bone, before = order.index(joint.child), -1 if joint.parent is None else order.index(joint.parent)
-    nowhere = np.zeros(3)
-    p = constant_points(landmarks, 0)
-    if joint.type == "free":
-        after = invert(frame_from_landmarks(anatomy, anatomy.bone(joint.child).frame, p))
-        yield _Step(FREE, before, bone, index, 0.0, nowhere, nowhere, _NO_KNOTS, _NO_PIECES, after)
-    elif joint.type == "spline":
-        knots, pieces, after = spline_cubics(anatomy, joint, p)
-        yield _Step(SPLINE, before, bone, index, 0.0, nowhere, nowhere, knots, pieces, after)
-    else:
-        for coordinate, axis in zip(index, joint.axes, strict=True):
-            first, second = (landmarks[anatomy.landmark_index(name)] for name in axis)
-            direction = (second - first) / np.linalg.norm(second - first)
-            rest = anatomy.coordinates[coordinate].rest
-            yield _Step(TURN, before, bone, (coordinate,), rest, first, direction, _NO_KNOTS, _NO_PIECES, _STILL)
+class _Step(NamedTuple):
+    """One row, and between which bones it stands."""
+
+    before: int
+    bone: int
+    coordinates: tuple[int, ...]  # where q stands in theta
+    row: Row
+
+
+def _steps(anatomy: Anatomy, p: Points) -> Iterator[_Step]:
+    order = [bone.name for bone in anatomy.bones]
+    for joint in anatomy.joints:
+        index = [anatomy.coordinate_index(name) for name in joint.coordinates]
+        bone, before = order.index(joint.child), -1 if joint.parent is None else order.index(joint.parent)
+        for row in JOINT_TYPES[joint.type].rows(anatomy, joint, p):
+            yield _Step(before, bone, tuple(index[k] for k in row.coordinates), row)
             before = bone
 
 

@@ -21,11 +21,18 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
-from adapt.model.variation import Motion, Points, compose, invert
+from adapt.model.frames import frame_from_landmarks
+from adapt.model.hot.rows import Row, glide
+from adapt.model.joints.joint_type import JointType
+from adapt.model.joints.opensim import OsimJoint, Resting, sampled
+from adapt.model.variation import Motion, Points, compose, constant_points, invert
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, hat, left_jacobian_so3, log_so3
 
 _WIDEST = np.deg2rad(170.0)  # a turn from the first frame must stay clear of half a turn, where r_i jumps
+
+_MARGIN = 0.3  # rad beyond a coordinate's range and knots that samples for OpenSim reach
+_SPACING = np.deg2rad(2.0)  # of these samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,30 +55,52 @@ class _Controls:
     do: Floats  # (K, 3n)
 
 
-def spline_motion(anatomy: Anatomy, joint: Joint, q: float, p: Points, column: int) -> Motion:
-    """H at the coordinate's value ``q`` (rad), whose derivative is ``column``.
+class Spline(JointType):
+    """One coordinate (rad): where it equals knot i, a frame of the child coincides with frame i of the parent."""
 
-    Raises:
-        AnatomyError: frames that are none, or turned by half a turn against the first.
-    """
-    prepared = _prepare(anatomy, joint)
-    value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
-    if d.any():
-        controls, to_rest = _controls_and_rest(prepared, value, d)
-    else:  # pose after pose of one body
-        controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
-    return compose(_along(prepared.basis, controls, q, column), to_rest)
+    name = "spline"
+    units = ("rad",)
 
+    def knots_problem(self, joint: Joint) -> str | None:
+        """Why the knots (rad) have no frames, or are too few or out of order; None if all is well."""
+        if len(joint.knots) != len(joint.frames) or not joint.knots:
+            return "a spline joint has one frame a knot"
+        if len(joint.knots) < 2 or not (np.diff(joint.knots) > 0.0).all():
+            return "a spline joint needs two knots or more that increase"
+        return None
 
-def spline_cubics(anatomy: Anatomy, joint: Joint, p: Points) -> tuple[Floats, Floats, Motion]:
-    """The joint of a body whose landmarks do not vary: knots (K,), cubics (4, K - 1, 6) of r and o, and G(q_rest)^-1.
+    def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
+        """H at the coordinate's value.
 
-    The cubics are of q - knot, the highest power first.
-    """
-    prepared = _prepare(anatomy, joint)
-    landmarks = p.value[prepared.landmarks]
-    controls, to_rest = _controls_and_rest(prepared, landmarks, np.zeros((*landmarks.shape, 0)))
-    return prepared.basis.x, prepared.basis.c @ np.concatenate([controls.r, controls.o], axis=1), to_rest
+        Raises:
+            AnatomyError: frames that are none, or turned by half a turn against the first.
+        """
+        prepared = _prepare(anatomy, joint)
+        value, d = p.value[prepared.landmarks], p.d[prepared.landmarks]
+        if d.any():
+            controls, to_rest = _controls_and_rest(prepared, value, d)
+        else:  # pose after pose of one body
+            controls, to_rest = _of_still_landmarks(anatomy, joint, value.tobytes(), p.n)
+        return compose(_along(prepared.basis, controls, float(q[0]), columns[0]), to_rest)
+
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """G(q) as cubics of r and o, before G(q_rest)^-1."""
+        prepared = _prepare(anatomy, joint)
+        landmarks = p.value[prepared.landmarks]
+        controls, to_rest = _controls_and_rest(prepared, landmarks, np.zeros((*landmarks.shape, 0)))
+        cubics = prepared.basis.c @ np.concatenate([controls.r, controls.o], axis=1)
+        return [glide(prepared.basis.x, cubics, to_rest)]
+
+    def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
+        """CustomJoint with SimmSplines sampled from ours; shifts are zero at rest."""
+        (coordinate,) = coordinates = rest.coordinates(joint, follows=follows)
+        low, high = min(coordinate.low, joint.knots[0]) - _MARGIN, max(coordinate.high, joint.knots[-1]) + _MARGIN
+        q = np.linspace(low, high, round((high - low) / _SPACING) + 1)
+        p = constant_points(rest.p.value, 1)
+        motions = np.array([self.motion(rest.anatomy, joint, at, p, [0]).matrix() for at in q[:, None]])
+        centre = frame_from_landmarks(rest.anatomy, joint.frames[0], p).translation
+        placed, turned, axes = sampled(motions, q, centre, coordinate.name, follows=follows)
+        return (rest.joint("CustomJoint", joint, placed, turned, coordinates, axes),)
 
 
 def _along(basis: CubicSpline, controls: _Controls, q: float, column: int | None) -> Motion:

@@ -1,27 +1,41 @@
-"""Hinge, universal joint and ball: turns about lines through landmarks, each riding on the one before."""
+"""What hinge, universal joint and ball share: turns about lines through landmarks, each riding on the one before."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
-from adapt.model.frames import unit
+from adapt.model.frames import line_through, unit
+from adapt.model.hot.rows import Row, screw
+from adapt.model.joints.joint_type import JointType, rest_values
+from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, nearest_point, still_axes, unit_vector
 from adapt.model.variation import Motion, Points, compose
-from capture.rigid import hat
+from capture.rigid import exp_so3, hat, transform
 
 
-def turning_motion(anatomy: Anatomy, joint: Joint, angles: Floats, p: Points, columns: list[int]) -> Motion:
-    """Turns by ``angles`` (rad, from rest) about the joint's axes: H = H_1 H_2 ..."""
-    first, *others = (
-        _turn(anatomy, axis, angle, p, column) for axis, angle, column in zip(joint.axes, angles, columns, strict=True)
-    )
-    motion = first
-    for turn in others:
-        motion = compose(motion, turn)
-    return motion
+class Turning(JointType):
+    """A joint that turns about as many lines through landmarks as it has coordinates."""
+
+    def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
+        """Turns by q - q_rest (rad) about the joint's axes: H = H_1 H_2 ..."""
+        angles = q - rest_values(anatomy, joint)
+        first, *others = (
+            turn(anatomy, axis, angle, p, column)
+            for axis, angle, column in zip(joint.axes, angles, columns, strict=True)
+        )
+        motion = first
+        for other in others:
+            motion = compose(motion, other)
+        return motion
+
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """One turn after the other."""
+        lines = [line_through(anatomy, axis, p.value) for axis in joint.axes]
+        rest = rest_values(anatomy, joint)
+        return [screw(k, rest[k], *lines[k], turn=1.0) for k in range(len(lines))]
 
 
-def _turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
+def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
     """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f."""
     first, second = (anatomy.landmark_index(name) for name in axis)
     f, df = p.value[first], p.d[first]
@@ -34,3 +48,23 @@ def _turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, colu
     turned = rotation @ f
     d_translation = df - rotation @ df + hat(turned) @ d_rotation
     return Motion(rotation, f - turned, d_rotation, d_translation)
+
+
+def turns_in_opensim(rest: Resting, joint: Joint, *, follows: bool) -> OsimJoint:
+    """CustomJoint whose functions are the coordinates, where every coordinate is zero:
+
+    R(a1, q1 - r1) R(a2, q2 - r2) ... = R(a1, q1) R(B1 a2, q2) ... B with B1 = R(a1, -r1) and so on.
+
+    Its axes meet in one point; ours miss each other by hundredths of a millimetre in bodies of unusual proportions, and
+    the point nearest to all is taken.
+    """
+    lines, coordinates = rest.lines(joint), rest.coordinates(joint, follows=follows)
+    placed = transform(np.eye(3), nearest_point(lines))
+    back, axes = np.eye(3), []
+    for (_, axis), coordinate in zip(lines, coordinates, strict=True):
+        axes.append(TransformAxis(back @ axis, coordinate.name))
+        back = back @ exp_so3(-coordinate.default * axis)
+    if len(axes) == 2:
+        axes.append(TransformAxis(unit_vector(np.cross(axes[0].axis, axes[1].axis))))
+    turned = placed @ transform(back.T, np.zeros(3))
+    return rest.joint("CustomJoint", joint, placed, turned, coordinates, (*axes, *still_axes()))

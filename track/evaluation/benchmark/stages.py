@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.spatial import cKDTree
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Floats
 from adapt.fit.alternate import adapt_body
 from adapt.fit.correspondences import Target, find_corres, pixel_of
 from adapt.fit.follow import follow_pose
@@ -29,6 +29,7 @@ from adapt.fit.score import find_skin
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
 from adapt.model.deformers import carry
 from adapt.model.kinematics import bone_motions
+from adapt.model.pose_space import moved_rigidly
 from adapt.model.surface import incidence, vertex_normals
 from adapt.model.variation import Motion, Points, constant_points
 from adapt.subject import Subject
@@ -39,7 +40,7 @@ from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.cloud.preprocess import clean_depth
 from capture.errors import FitError
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
-from capture.rigid import apply, exp_so3, inverse, log_so3
+from capture.rigid import exp_so3, inverse
 from track.evaluation.benchmark.timing import Timing, timed
 from track.evaluation.errors import read_truth, world_from_common
 from track.prediction import predict
@@ -271,18 +272,8 @@ def simulated_subject(recording: Recording) -> Subject:
     truth = read_truth(recording)
     common_from_world = inverse(world_from_common(recording, truth))
     few = np.linspace(0, len(truth.times) - 1, DEFAULT_POSES).round().astype(int)
-    thetas = np.array([_moved(truth.body.anatomy, truth.thetas[k], common_from_world) for k in few])
+    thetas = np.array([moved_rigidly(truth.body.anatomy, truth.thetas[k], common_from_world) for k in few])
     return Subject(truth.body, thetas, truth.times[few], 1e-6 * np.eye(len(truth.body.shape)), {})
-
-
-def _moved(anatomy: Anatomy, theta: Floats, to_from: Floats) -> Floats:
-    """The pose (n,) seen from another frame: its free joint carried there by ``to_from`` (4, 4)."""
-    moved = theta.copy()
-    free = next(joint for joint in anatomy.joints if joint.type == "free")
-    index = np.array([anatomy.coordinate_index(name) for name in free.coordinates])
-    moved[index[:3]] = log_so3(to_from[:3, :3] @ exp_so3(theta[index[:3]]))
-    moved[index[3:]] = apply(to_from, theta[index[3:]])
-    return moved
 
 
 def opened(path: Path) -> Recording:

@@ -11,6 +11,7 @@ from adapt.anatomy import Floats, load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import make_body, rest_theta
+from adapt.model.pose_space import is_free
 from adapt.subject import Subject
 from track.evaluation.errors import evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
@@ -39,7 +40,7 @@ def _straight(moving: Performance) -> Floats:
     theta = rest_theta(moving.body)
     for joint in moving.body.anatomy.joints:
         index = [moving.body.anatomy.coordinate_index(name) for name in joint.coordinates]
-        theta[index] = moving.thetas[0, index] if joint.type == "free" else 0.0
+        theta[index] = moving.thetas[0, index] if is_free(joint) else 0.0
     return theta
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.mirror import mirrored_coordinate
+from adapt.model.pose_space import joint_coordinates
 from adapt.subject import load_subject
 from capture.recording import open_recording
 from capture.recording.types import HEADER_FILE
@@ -110,8 +111,8 @@ def _on_the_truths_clock(motion: Motion, truth: Truth) -> Motion | None:
 def _mirrored_errors(motion: Motion, truth: Truth) -> dict[str, np.ndarray]:
     """Errors (T,) deg of a motion with the other side's anatomy: the same values mean the same movement."""
     anatomy = truth.body.anatomy
-    free = {name for joint in anatomy.joints if joint.type == "free" for name in joint.coordinates}
-    names = {c.name: mirrored_coordinate(c.name) for c in anatomy.coordinates if c.name not in free}
+    coordinates = [anatomy.coordinates[i].name for i in joint_coordinates(anatomy)]
+    names = {name: mirrored_coordinate(name) for name in coordinates}
     at = np.abs(truth.times[:, None] - motion.times).argmin(axis=0)
     errors = {}
     for mine, other in names.items():

@@ -1,0 +1,73 @@
+"""What a type of joint states about itself: nothing else in the package tests a type's name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.frames import mirrored_frame
+from adapt.model.hot.rows import Row
+from adapt.model.joints.opensim import OsimJoint, Resting
+from adapt.model.variation import Motion, Points
+
+
+class JointType(ABC):
+    """One type of joint. A new one is a file with a subclass, and its line in ``JOINT_TYPES``."""
+
+    name: ClassVar[str]
+    units: ClassVar[tuple[Literal["rad", "m"], ...]]  # of its coordinates
+    axes: ClassVar[int] = 0  # how many
+    free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
+    child_carries_centre: ClassVar[bool] = False  # as well as the parent: the child only turns about it
+    turned_over: ClassVar[tuple[int, ...]] = ()  # which coordinates change their signs in the mirror image
+
+    def problem(self, joint: Joint) -> str | None:
+        """Why these parts make no joint of this type, or None."""
+        if (len(joint.coordinates), len(joint.axes)) != (len(self.units), self.axes):
+            return f"a joint of type {self.name} has {len(self.units)} coordinate(s) and {self.axes} axes"
+        if self.free != (joint.parent is None):
+            return "a free joint has no parent, and every other has one"
+        return self.knots_problem(joint)
+
+    def knots_problem(self, joint: Joint) -> str | None:
+        """The same for knots and frames, of which most types have none."""
+        return f"a joint of type {self.name} has no knots and no frames" if joint.knots or joint.frames else None
+
+    @abstractmethod
+    def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
+        """H in rest space at the coordinates ``q`` (rad, m), whose derivatives are those ``columns``; I at rest."""
+
+    @abstractmethod
+    def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
+        """The same motion for the compiled chain, each row after the one before, where landmarks do not vary."""
+
+    def rest(self, anatomy: Anatomy, joint: Joint, p: Points) -> Floats:
+        """The coordinates (rad, m) of a body with landmarks p where H = I: as a rule the template's."""
+        return rest_values(anatomy, joint)
+
+    def reported(self, joint: Joint, q: Floats) -> dict[str, Floats]:
+        """Values (T, k) of the coordinates as named columns (T,) in degrees and metres; NaN stays NaN."""
+        columns = zip(joint.coordinates, self.units, q.T, strict=True)
+        return {name: np.rad2deg(values) if unit == "rad" else values for name, unit, values in columns}
+
+    def mirrored(self, joint: Joint) -> Joint:
+        """The other side's joint (adapt.mirror): axes from the opposite ends, frames with z from the opposite ends."""
+        axes = tuple((second, first) for first, second in joint.axes)
+        return replace(joint, axes=axes, frames=tuple(mirrored_frame(frame) for frame in joint.frames))
+
+    @abstractmethod
+    def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
+        """Its form in OpenSim; ``follows``: coordinates are a joint's before, which followers are held equal to."""
+
+    def opensim_owners(self, joint: Joint) -> dict[str, str]:
+        """The coordinates of that form, under names of no followers, and the joint of that form that has each."""
+        return dict.fromkeys(joint.coordinates, joint.name)
+
+
+def rest_values(anatomy: Anatomy, joint: Joint) -> Floats:
+    """The values of a joint's coordinates (rad, m) in the template's rest pose."""
+    return np.array([anatomy.coordinates[anatomy.coordinate_index(name)].rest for name in joint.coordinates])

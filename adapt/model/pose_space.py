@@ -1,0 +1,107 @@
+"""The space of poses theta: where the limb is (free joints), the angles between its bones, and how poses differ.
+
+A free joint has six coordinates: a rotation vector, then an origin, both in the recording. They are no angles of a
+joint, they have no range that means anything, and rotation vectors neither subtract nor add: for turns R(r) = exp(r),
+
+    difference(theta, earlier) = log(R(theta) R(earlier)^T),     advance(theta, step) = log(R(step) R(theta)).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.joints import JOINT_TYPES
+from adapt.model.variation import Points
+from capture.rigid import apply, exp_so3, log_so3
+
+
+def is_free(joint: Joint) -> bool:
+    """Whether a joint's coordinates place its child in the recording."""
+    return JOINT_TYPES[joint.type].free
+
+
+def free_coordinates(anatomy: Anatomy) -> list[list[int]]:
+    """Where the six coordinates of each free joint stand in theta."""
+    return [joint_index(anatomy, joint) for joint in anatomy.joints if is_free(joint)]
+
+
+def joint_coordinates(anatomy: Anatomy) -> list[int]:
+    """Where the coordinates that change a limb's form stand in theta, each once: all but those of free joints."""
+    free = {i for index in free_coordinates(anatomy) for i in index}
+    return [i for i in range(len(anatomy.coordinates)) if i not in free]
+
+
+def joint_index(anatomy: Anatomy, joint: Joint) -> list[int]:
+    """Where a joint's coordinates stand in theta."""
+    return [anatomy.coordinate_index(name) for name in joint.coordinates]
+
+
+def root_joint(anatomy: Anatomy) -> Joint:
+    """The (first) free joint, by which the whole limb moves."""
+    return next(joint for joint in anatomy.joints if is_free(joint))
+
+
+def root_coordinates(anatomy: Anatomy) -> list[int]:
+    """Where the root's six coordinates stand in theta."""
+    return joint_index(anatomy, root_joint(anatomy))
+
+
+def rest_pose(anatomy: Anatomy, p: Points) -> Floats:
+    """The pose (n,) in which a body with landmarks p stands as its rest skin."""
+    theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])
+    for joint in anatomy.joints:
+        theta[joint_index(anatomy, joint)] = JOINT_TYPES[joint.type].rest(anatomy, joint, p)
+    return theta
+
+
+def pose_difference(anatomy: Anatomy, theta: Floats, earlier: Floats) -> Floats:
+    """theta - earlier (n,), with a free joint's turn as the rotation vector that leads from one to the other."""
+    difference = theta - earlier
+    for index in _rotation_vectors(anatomy):
+        difference[index] = log_so3(exp_so3(theta[index]) @ exp_so3(earlier[index]).T)
+    return difference
+
+
+def advance(anatomy: Anatomy, theta: Floats, step: Floats) -> Floats:
+    """The pose reached from ``theta`` by a ``pose_difference``; rotation vectors stay no longer than pi."""
+    moved = theta + step
+    for index in _rotation_vectors(anatomy):
+        moved[index] = log_so3(exp_so3(step[index]) @ exp_so3(theta[index]))
+    return moved
+
+
+def wrap(anatomy: Anatomy, theta: Floats) -> Floats:
+    """The same pose with free joints' rotation vectors no longer than pi, where they vary smoothly."""
+    wrapped = theta.copy()
+    for index in _rotation_vectors(anatomy):
+        angle = float(np.linalg.norm(wrapped[index]))
+        if angle > np.pi:
+            wrapped[index] *= 1.0 - 2.0 * np.pi / angle
+    return wrapped
+
+
+def moved_rigidly(anatomy: Anatomy, theta: Floats, move: Floats) -> Floats:
+    """The pose (n,) in which the whole body stands moved by a rigid transform (4, 4), or is seen from another frame."""
+    moved = theta.copy()
+    for index in free_coordinates(anatomy):
+        turn, origin = index[:3], index[3:]
+        moved[turn] = log_so3(move[:3, :3] @ exp_so3(theta[turn]))
+        moved[origin] = apply(move, theta[origin][None])[0]
+    return moved
+
+
+def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
+    """Poses (T, n) as named columns (T,): degrees for rotations, metres for translations.
+
+    A free joint's rotation vector is reported as OpenSim's FreeJoint does, as body-fixed X-Y-Z angles, under
+    the names ``<joint>_euler_x``, ``_y``, ``_z``. NaN poses stay NaN.
+    """
+    columns: dict[str, Floats] = {}
+    for joint in anatomy.joints:
+        columns |= JOINT_TYPES[joint.type].reported(joint, thetas[:, joint_index(anatomy, joint)])
+    return columns
+
+
+def _rotation_vectors(anatomy: Anatomy) -> list[list[int]]:
+    return [index[:3] for index in free_coordinates(anatomy)]
