@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
+from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept
 from adapt.subject import Subject
 from capture.files import UNREADABLE, read_arrays
 from capture.own import json_of, replaced_if_own
@@ -117,6 +118,7 @@ _KNOWN = dict.fromkeys(
     ("anatomy", "displacement", "shape", "times_s", "theta", "sensor_names", "world_from_sensor"), 64 << 20
 )
 """The arrays of a truth, and the most bytes of each."""
+_KNOWN[KEY] = MOST_BYTES
 
 
 def read_truth(recording: Recording) -> Truth:
@@ -131,7 +133,7 @@ def read_truth(recording: Recording) -> Truth:
         raise MotionError("has no known truth (truth.npz)", where=recording.path, remedy=remedy)
     try:
         data = read_arrays(path, _KNOWN)
-        anatomy = load_anatomy(str(data["anatomy"]))
+        anatomy = anatomy_kept(str(data["anatomy"]), data.get(KEY), where=path)
         v_hat = anatomy.skin_vertices + data["displacement"]
         sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
         return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)
