@@ -339,7 +339,7 @@ def read_anatomy(source: Path | IO[bytes], *, where: Path) -> Anatomy:
         _check_format(description, where)
         arrays = {key: _widen(value) for key, value in read.items()}
         return _from_parts(description, arrays)
-    except UNREADABLE as error:
+    except (*UNREADABLE, AttributeError) as error:  # where text or a number stands in the place of a frame
         problem = unreadable("an anatomy file", error)
         raise AnatomyError(problem, where=where, remedy="build or download it again") from error
 
@@ -417,4 +417,6 @@ def _narrow(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _widen(array: NDArray[Any]) -> NDArray[Any]:
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"an array of {array.dtype} where numbers are expected")
     return array.astype(np.float64 if array.dtype.kind == "f" else np.int64)

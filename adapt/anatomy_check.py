@@ -18,6 +18,7 @@ from adapt.tissue import MODES
 from capture.errors import AnatomyError
 
 _FEWEST_VERTICES = 2 * MODES  # of the skin: its soft tissue varies in so many ways
+_FARTHEST_M = 20.0
 _ROUNDED = 1e-4  # of weights that sum up to 1, in single precision
 _MOST_MOVED_M = 1e-4  # of the skin in the pose that is said to be that of rest
 _REMEDY = "mend the anatomy's data"
@@ -30,7 +31,8 @@ def refuse_unsound(anatomy: Anatomy, *, where: Path) -> None:
     for checks in (_parts, _tree, _arrays, _weights, _skin, _rest):
         problem = next(_told(checks(anatomy)), None)
         if problem is not None:
-            raise AnatomyError(f"not a sound anatomy: {problem}", where=where, remedy=_REMEDY)
+            line = " ".join(problem.split())  # names may be of several lines
+            raise AnatomyError(f"not a sound anatomy: {line}", where=where, remedy=_REMEDY)
 
 
 def _told(problems: Iterator[str]) -> Iterator[str]:
@@ -58,6 +60,8 @@ def _parts(anatomy: Anatomy) -> Iterator[str]:
         yield f"its side is {anatomy.side!r}, neither 'right' nor 'left'"
     for handle in anatomy.handles:
         anatomy.bone(handle.bone)
+        if len(handle.position) != 3 or not np.isfinite(handle.position).all():
+            yield f"the handle {handle.name!r} has no position"
     for bone in anatomy.bones:
         if not any(handle.bone == bone.name for handle in anatomy.handles):
             yield f"the bone {bone.name} has no handle"
@@ -82,7 +86,7 @@ def _names(what: str, names: list[Any]) -> Iterator[str]:
         yield f"it has no {what}"
     for name, times in Counter(map(str, names)).items():
         if times > 1:
-            yield f"{times} {what} are called {name}"
+            yield f"{times} {what} are called {name!r}"
         if not name or Path(name).name != name:  # bones name files
             yield f"{name!r} cannot name one of the {what}"
 
@@ -94,7 +98,7 @@ def _tree(anatomy: Anatomy) -> Iterator[str]:
         if (joint.parent is None) != (number == 0):
             yield f"the first joint, and only that, is free of a parent, which {joint.name} is not as it stands"
         if joint.parent is not None and joint.parent not in placed:
-            yield f"the joint {joint.name} stands before one that carries its parent {joint.parent}"
+            yield f"the joint {joint.name} stands before one that carries its parent {joint.parent!r}"
         anatomy.bone(joint.child)
         if joint.child in placed:
             yield f"the bone {joint.child} is the child of two joints"
@@ -135,6 +139,8 @@ def _arrays(anatomy: Anatomy) -> Iterator[str]:
             yield f"{name} is of shape {arrays[name].shape}, not ({words})"
         if not np.isfinite(arrays[name]).all():
             yield f"{name} has values that are not finite"
+        if name.endswith(("landmarks", "vertices", "points")) and np.abs(arrays[name]).max(initial=0.0) > _FARTHEST_M:
+            yield f"{name} reach farther than {_FARTHEST_M:.0f} m: are they in metres?"
     indexed = {f"bone/{bone.name}/faces": f"bone/{bone.name}/vertices" for bone in anatomy.bones}
     indexed |= {f"tetrahedra/{name}/tets": f"tetrahedra/{name}/points" for name in anatomy.tetrahedra}
     for name, of in ({"skin_faces": "skin_vertices"} | indexed).items():
@@ -198,17 +204,23 @@ def _is_closed(faces: NDArray[np.int64]) -> bool:
 
 
 def _rest(anatomy: Anatomy) -> Iterator[str]:
-    """With every coordinate at rest, the body stands as its rest skin."""
-    from adapt.model.body import make_body, pose_skin, posed_bones, rest_theta
+    """With every coordinate at rest, the body stands as its rest skin.
+
+    Not by the compiled loops, which take it that all is sound: a share that is no number would be an index to them.
+    """
+    from adapt.model.body import bone_frames, joint_centres, make_body, pose_skin_by_v_hat, posed_bones, rest_theta
 
     try:
         body = make_body(anatomy)
         with np.errstate(all="ignore"):  # what comes of an axis without a length is looked for below
             theta = rest_theta(body)
-            moved = float(np.abs(pose_skin(body, theta) - anatomy.skin_vertices).max())
-            finite = all(np.isfinite(points).all() for points in posed_bones(body, theta).values())
+            moved = float(np.abs(pose_skin_by_v_hat(body, theta).value - anatomy.skin_vertices).max())
+            told = [*(of(body, theta) for of in (posed_bones, bone_frames, joint_centres))]
+            finite = all(np.isfinite(array).all() for by_name in told for array in by_name.values())
     except (ValueError, KeyError, IndexError, TypeError, ZeroDivisionError) as error:
         yield f"it cannot be posed ({error})"
         return
-    if not (finite and moved <= _MOST_MOVED_M):
-        yield f"posed as at rest, its skin is {1e3 * moved:.1f} mm off: do its frames and axes have lengths?"
+    if not finite:
+        yield "a bone or a joint is nowhere: do its frames and axes have lengths, and centres landmarks?"
+    if not moved <= _MOST_MOVED_M:
+        yield f"posed as at rest, its skin is {1e3 * moved:.1f} mm off: do the deformers' frames have lengths?"

@@ -179,7 +179,7 @@ def _other(arm: Anatomy, **of_coordinate: Any) -> Anatomy:
 
 
 WRONG: dict[str, Callable[[Anatomy], Anatomy]] = {
-    "2 bones are called humerus": lambda a: replace(a, bones=(a.bones[0], *a.bones)),
+    "2 bones are called 'humerus'": lambda a: replace(a, bones=(a.bones[0], *a.bones)),
     "its side is 'up'": lambda a: replace(a, side="up"),
     "no bone 'tail'; use one of humerus": lambda a: replace(
         a, handles=(replace(a.handles[0], bone="tail"), *a.handles[1:])
@@ -196,6 +196,10 @@ WRONG: dict[str, Callable[[Anatomy], Anatomy]] = {
     "the first joint, and only that": lambda a: replace(a, joints=a.joints[::-1]),
     "no joint has the bone hand": lambda a: replace(a, joints=a.joints[:-1]),
     r"landmarks is of shape \(\d+, 3\), not": lambda a: replace(a, landmarks=a.landmarks[1:]),
+    "landmarks reach farther than 20 m: are they in metres": lambda a: replace(a, landmarks=1e3 * a.landmarks),
+    "has no position": lambda a: replace(
+        a, handles=(replace(a.handles[0], position=(0.0, np.nan, 0.0)), *a.handles[1:])
+    ),
     "fit_weight has values that are not finite": lambda a: replace(a, fit_weight=np.nan * a.fit_weight),
     "skin_faces are not whole numbers from 0": lambda a: replace(a, skin_faces=a.skin_faces + 1),
     "no tetrahedra called limb": lambda a: replace(a, tetrahedra={}),
@@ -205,7 +209,11 @@ WRONG: dict[str, Callable[[Anatomy], Anatomy]] = {
     ),
     "faces face inward": lambda a: replace(a, skin_faces=a.skin_faces[:, ::-1]),
     "the skin is not closed": lambda a: replace(a, skin_faces=a.skin_faces[1:]),
-    "posed as at rest, its skin is": lambda a: replace(a, landmarks=np.zeros_like(a.landmarks)),
+    "a bone or a joint is nowhere": lambda a: replace(a, joints=(*a.joints[:-1], replace(a.joints[-1], centre=()))),
+    "a bone or a joint is nowhere: do its frames": lambda a: replace(a, landmarks=np.zeros_like(a.landmarks)),
+    "posed as at rest, its skin is nan mm off": lambda a: replace(
+        a, deformers=tuple(replace(d, frames=tuple(replace(f, y_to=f.y_from) for f in d.frames)) for d in a.deformers)
+    ),
 }
 
 
