@@ -62,6 +62,21 @@ def other_side_asked(anatomy: Anatomy) -> str:
     return f"`--anatomy {other}`" if is_shipped(anatomy) else f"`--anatomy {other}.npz` (one file serves both sides)"
 
 
+def is_comparable(one: Anatomy, other: Anatomy) -> bool:
+    """Whether bodies of two anatomies go point by point: of one name, with the same coordinates, bones and meshes."""
+
+    def names(anatomy: Anatomy) -> list[tuple[str, ...]]:
+        parts = (anatomy.bones, anatomy.joints, anatomy.coordinates)
+        return [tuple(part.name for part in some) for some in parts]
+
+    def meshes(anatomy: Anatomy) -> list[NDArray[Any]]:
+        return [anatomy.skin_faces, *(bone.faces for bone in anatomy.bones)]
+
+    same = one.name == other.name and names(one) == names(other)
+    same = same and [len(b.vertices) for b in one.bones] == [len(b.vertices) for b in other.bones]
+    return same and all(np.array_equal(*pair) for pair in zip(meshes(one), meshes(other), strict=True))
+
+
 @lru_cache(maxsize=8)
 def _shipped_content(name: str) -> str | None:
     shipped = shipped_anatomy(name)

@@ -16,7 +16,7 @@ from adapt.anatomy_check import refuse_unsound
 from adapt.fit.rival_side import SideEvidence, refuse_the_other_side
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, rest_theta
-from adapt.own_anatomy import KEY, content, is_shipped, kept_anatomy, other_side_asked
+from adapt.own_anatomy import KEY, content, is_comparable, is_shipped, kept_anatomy, other_side_asked
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import AnatomyError, FitError
 from capture.files import read_arrays
@@ -140,6 +140,14 @@ def test_the_truth_of_a_simulated_recording_holds_the_anatomy(file: Path, tmp_pa
     performance = Performance(body, np.arange(2) / 30.0, np.tile(rest_theta(body), (2, 1)))
     recording = simulate_performance(performance, tmp_path / "recording")
     assert content(read_truth(recording).body.anatomy) == content(body.anatomy)
+
+
+def test_anatomies_of_one_name_are_compared_only_where_they_go_point_by_point(arm: Anatomy) -> None:
+    assert is_comparable(arm, replace(arm, fit_weight=0.9 * arm.fit_weight))
+    assert not is_comparable(arm, replace(arm, name="other"))
+    assert not is_comparable(arm, replace(arm, skin_faces=arm.skin_faces[1:]))
+    assert not is_comparable(arm, replace(arm, bones=(*arm.bones[:-1], replace(arm.bones[-1], name="paw"))))
+    assert not is_comparable(arm, replace(arm, coordinates=arm.coordinates[:-1]))
 
 
 def test_a_batch_takes_anatomy_files_and_knows_when_they_changed(file: Path, arm: Anatomy, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
-from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept
+from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, is_comparable
 from adapt.subject import Subject
 from capture.files import UNREADABLE, read_arrays
 from capture.own import json_of, replaced_if_own
@@ -170,6 +170,12 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
         raise MotionError(
             f"a motion of {motion.anatomy} by a subject of {subject.anatomy.name}, truth of {truth.body.anatomy.name}",
             remedy="give the subject and recording that the motion was made from",
+        )
+    if not is_comparable(truth.body.anatomy, subject.anatomy):
+        raise MotionError(
+            f"its truth is of another {subject.anatomy.name} than the subject: that anatomy's file was changed between",
+            where=recording.path,
+            remedy="simulate the recording again, or adapt and track again",
         )
     common = world_from_common(recording, truth)
     errors: dict[str, list[float]] = {}
