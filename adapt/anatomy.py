@@ -7,10 +7,10 @@ X forward, Y up, Z right (ISB) in the rest pose; points are (N, 3); all arrays a
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import IO, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,7 +191,20 @@ def _named(items: tuple[_N, ...], name: str, what: str) -> _N:
 
 def save_anatomy(anatomy: Anatomy, path: Path) -> None:
     """Write an anatomy as one ``.npz`` (numbers in single precision, the description as JSON text)."""
-    description = {
+    with replaced_when_complete(path) as partial, partial.open("wb") as file:
+        write_anatomy(anatomy, file)
+
+
+def write_anatomy(anatomy: Anatomy, file: IO[bytes]) -> None:
+    """``save_anatomy`` into an open file."""
+    narrow = {key: _narrow(array) for key, array in anatomy_arrays(anatomy).items()}
+    narrow["description"] = np.array(json.dumps(anatomy_description(anatomy)))
+    np.savez_compressed(file, allow_pickle=False, **narrow)
+
+
+def anatomy_description(anatomy: Anatomy) -> dict[str, Any]:
+    """All of an anatomy but its arrays, as JSON keeps it."""
+    return {
         "format": FORMAT,
         "version": VERSION,
         "name": anatomy.name,
@@ -204,10 +217,6 @@ def save_anatomy(anatomy: Anatomy, path: Path) -> None:
         "landmark_names": list(anatomy.landmark_names),
         "tetrahedra": list(anatomy.tetrahedra),
     }
-    with replaced_when_complete(path) as partial:
-        narrow = {key: _narrow(array) for key, array in anatomy_arrays(anatomy).items()}
-        narrow["description"] = np.array(json.dumps(description))
-        np.savez_compressed(partial, allow_pickle=False, **narrow)
 
 
 def anatomy_arrays(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
@@ -224,48 +233,87 @@ def anatomy_arrays(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
 def load_anatomy(name_or_path: str | Path) -> Anatomy:
     """Read an anatomy that ships with the package (by name) or any ``.npz`` of the same format (by path).
 
-    A limb whose other side ships is the mirror image of that.
+    One of a file is called as the file is, without ``.npz``. A limb whose other side ships, or lies where the path says
+    (``adapt.mirror.mirrored_name``), is the mirror image of that.
 
     Raises:
-        AnatomyError: no such anatomy, not an anatomy file, or a newer format version.
+        AnatomyError: no such anatomy, not an anatomy file, a newer format version, or a file of parts that do not go
+            together.
     """
-    from adapt.mirror import mirrored, mirrored_name  # which itself needs what is above
+    from adapt.anatomy_check import refuse_unsound  # which themselves need what is above
+    from adapt.mirror import mirrored
 
-    if Path(name_or_path).suffix == ".npz":
-        path = Path(name_or_path)
-        if not path.is_file():
-            raise AnatomyError("no such anatomy file", where=path, remedy=f"or use one of {', '.join(_known())}")
-        return _read_anatomy(path)
-    name = str(name_or_path)
+    if not is_path(name_or_path):
+        return _load_shipped(str(name_or_path))
+    path, own = Path(name_or_path), anatomy_file(name_or_path)
+    if own is None:
+        remedy = f"name a file that is there, or use one of {', '.join(anatomy_names())}"
+        raise AnatomyError("no such anatomy file", where=path, remedy=remedy)
+    anatomy = read_anatomy(own, where=own)
+    refuse_unsound(anatomy, where=own)
+    return replace(anatomy if own == path else mirrored(anatomy), name=path.stem)
+
+
+def is_path(name_or_path: str | Path) -> bool:
+    """Whether an anatomy is asked for by its file, not by its name."""
+    return Path(name_or_path).suffix == ".npz"
+
+
+def anatomy_file(path: str | Path) -> Path | None:
+    """The file that an anatomy asked for by path is read from: that one, the other side's beside it, or none."""
+    from adapt.mirror import mirrored_name
+
+    own = Path(path)
+    return next((file for file in (own, own.with_stem(mirrored_name(own.stem))) if file.is_file()), None)
+
+
+def shipped_anatomy(name: str) -> Anatomy | None:
+    """The anatomy of that name that ships with the package, or the mirror image of one; None if there is none."""
+    from adapt.mirror import mirrored, mirrored_name
+
     if _shipped(name).is_file():
-        return _read_anatomy(_shipped(name))
-    if _shipped(mirrored_name(name)).is_file():
-        return mirrored(_read_anatomy(_shipped(mirrored_name(name))))
-    raise AnatomyError(f"no anatomy {name!r}", remedy=f"use one of {', '.join(_known())}")
+        return read_anatomy(_shipped(name), where=_shipped(name))
+    other = _shipped(mirrored_name(name))
+    return mirrored(read_anatomy(other, where=other)) if other.is_file() else None
+
+
+def _load_shipped(name: str) -> Anatomy:
+    anatomy = shipped_anatomy(name)
+    if anatomy is None:
+        valid = ", ".join(anatomy_names())
+        raise AnatomyError(
+            f"no anatomy {name!r}", remedy=f"use one of {valid}, or the path of a file of your own (.npz)"
+        )
+    return anatomy
 
 
 def _shipped(name: str) -> Path:
     return Path(str(resources.files("adapt") / "templates" / f"{name}.npz"))
 
 
-def _known() -> list[str]:
-    """Names of all anatomies that can be loaded, with their mirror images."""
+def anatomy_names() -> list[str]:
+    """Names of all anatomies that ship with the package, with their mirror images."""
     from adapt.mirror import mirrored_name
 
     names = {path.stem for path in _shipped("any").parent.glob("*.npz")}
     return sorted(names | {mirrored_name(name) for name in names})
 
 
-def _read_anatomy(path: Path) -> Anatomy:
+def read_anatomy(source: Path | IO[bytes], *, where: Path) -> Anatomy:
+    """What ``save_anatomy`` or ``write_anatomy`` wrote, as it is; ``where`` is the file that errors name.
+
+    Raises:
+        AnatomyError: not an anatomy file, or a newer format version.
+    """
     try:
-        read = read_arrays(path, _KNOWN)
+        read = read_arrays(source, _KNOWN)
         description = json.loads(str(read.pop("description")))
-        _check_format(description, path)
+        _check_format(description, where)
         arrays = {key: _widen(value) for key, value in read.items()}
         return _from_parts(description, arrays)
-    except UNREADABLE as error:
+    except (*UNREADABLE, AttributeError) as error:  # where text or a number stands in the place of a frame
         problem = unreadable("an anatomy file", error)
-        raise AnatomyError(problem, where=path, remedy="build or download it again") from error
+        raise AnatomyError(problem, where=where, remedy="build or download it again") from error
 
 
 _ARRAYS = (
@@ -341,4 +389,6 @@ def _narrow(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _widen(array: NDArray[Any]) -> NDArray[Any]:
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"an array of {array.dtype} where numbers are expected")
     return array.astype(np.float64 if array.dtype.kind == "f" else np.int64)

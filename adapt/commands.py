@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 @click.command("adapt")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--anatomy", required=True, help="The limb, as upper-limb-right or lower-limb-left.")
+@click.option(
+    "--anatomy", required=True, help="The limb, as upper-limb-right or lower-limb-left, or an anatomy file (.npz)."
+)
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The subject file to write (.npz)."
 )

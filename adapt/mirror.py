@@ -27,6 +27,7 @@ from adapt.model.frames import mirrored_frame
 from adapt.model.joints import JOINT_TYPES
 
 _OTHER = {"right": "left", "left": "right"}
+_MIRRORED = "-mirrored"
 _SIGNS = np.array([1.0, 1.0, -1.0])
 
 
@@ -62,13 +63,15 @@ def mirrored_body(body: Body) -> Body:
 
 
 def mirrored_name(name: str) -> str:
-    """The name of the other side's limb; a name that tells no side stays.
+    """The name of the other side's limb; one that tells no side gets, or loses, ``-mirrored``.
 
-    >>> mirrored_name("upper-limb-right")
-    'upper-limb-left'
+    >>> mirrored_name("upper-limb-right"), mirrored_name("tail"), mirrored_name("tail-mirrored")
+    ('upper-limb-left', 'tail-mirrored', 'tail')
     """
     stem, dash, side = name.rpartition("-")
-    return stem + dash + _OTHER.get(side, side)
+    if side in _OTHER:
+        return stem + dash + _OTHER[side]
+    return name.removesuffix(_MIRRORED) if name.endswith(_MIRRORED) else name + _MIRRORED
 
 
 def mirrored_coordinate(name: str) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 from adapt.anatomy import Anatomy, Floats, anatomy_arrays
 from adapt.fit.alternate import Progress
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
+from adapt.own_anatomy import kept_anatomy
 from adapt.subject import MARK, Subject, save_subject
 from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
@@ -36,9 +37,11 @@ def adapt_into(
 
     Raises:
         OutputError: something stands in the place of ``out`` that is no subject.
+        AnatomyError: a user's own anatomy is too large for a subject.
         FitError, CloudError, RecordingError, CalibrationError: see ``adapt_recording``.
     """
     refuse_any_foreign({out: MARK, journal_path(out): JOURNAL_MARK})  # told before the work, not after it
+    kept_anatomy(anatomy)  # so is one that is too large for a subject
     out.parent.mkdir(parents=True, exist_ok=True)
     remove_left_over(out.parent, [out.name, journal_path(out).name])
     key = _key(recording, anatomy, f"{poses} {frames}", first_poses or {}, region or recording.region)

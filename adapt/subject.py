@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats, is_path, load_anatomy
 from adapt.fit.priors import overall_size
 from adapt.model.body import Body, make_body
+from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, content, kept_anatomy
 from adapt.tissue import MODES
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, unreadable
@@ -21,9 +23,11 @@ FORMAT = "bonetrack-subject"
 MARK = arrays_of(FORMAT)
 _USUAL = (0.88, 1.12)  # size against the template; grown-ups from about 1.55 to 1.97 m
 _TEMPLATE_M = 1.76  # the template's stature
-VERSION = 2  # 1: the covariance is that of the shape alone
+VERSION = 3  # 1: the covariance is that of the shape alone; 3: holds the anatomy itself, if that is a user's own
+_NAMED = 2  # what is written where the anatomy is one that ships
 _MOST_BYTES = 16 << 20  # of one array, a hundred times the largest of the shipped anatomies'
 _KNOWN = dict.fromkeys(("description", "shape", "displacement", "thetas", "times", "covariance"), _MOST_BYTES)
+_KNOWN[KEY] = MOST_BYTES
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +79,16 @@ def _by_one_camera(subject: Subject) -> bool:
 
 
 def save_subject(subject: Subject, path: Path) -> None:
-    """Write a subject as one ``.npz`` file.
+    """Write a subject as one ``.npz`` file; an anatomy that does not ship with the package is kept in it.
 
     Raises:
         OutputError: something stands there that is no subject.
+        AnatomyError: the anatomy is too large for that.
     """
+    kept = kept_anatomy(subject.anatomy)
     description = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": VERSION if kept else _NAMED,
         "anatomy": subject.anatomy.name,
         "skin_vertices": len(subject.body.v_hat),
         "report": subject.report,
@@ -92,17 +98,22 @@ def save_subject(subject: Subject, path: Path) -> None:
     with replaced_if_own(path, MARK) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
+            allow_pickle=False,
             description=np.array(json.dumps(description)),
             shape=subject.body.shape,
             displacement=(subject.body.v_hat - subject.anatomy.skin_vertices).astype(np.float32),
             thetas=subject.thetas,
             times=subject.times,
             covariance=subject.covariance,
+            **kept,
         )
 
 
 def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
     """Read a subject.
+
+    The ``anatomy`` asked for is the name of one that ships, or the path of a file: then its content is compared with
+    what the subject was adapted from, whatever the file is called.
 
     Raises:
         AnatomyError: missing, not a subject, a newer version, or not of the ``anatomy`` asked for.
@@ -112,30 +123,43 @@ def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
     try:
         read = read_arrays(path, _KNOWN)
         description = json.loads(str(read.pop("description")))
+        kept = read.pop(KEY, None)
         arrays = {key: value.astype(np.float64) for key, value in read.items()}
-        return _from_parts(path, description, arrays, anatomy)
+        subject = _from_parts(path, description, arrays, kept)
     except UNREADABLE as error:
         problem = unreadable("a subject file", error)
         raise AnatomyError(problem, where=path, remedy="make one with `bonetrack adapt`") from error
+    if anatomy is not None:
+        _refuse_other_anatomy(subject.anatomy, anatomy, path, own=kept is not None)
+    return subject
 
 
-def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], asked: str | None) -> Subject:
+def _refuse_other_anatomy(anatomy: Anatomy, asked: str, path: Path, *, own: bool) -> None:
+    """Raise AnatomyError if a subject's anatomy is not the one asked for; ``own``: it is a user's, kept in the file."""
+    if is_path(asked):
+        if content(anatomy) != content(load_anatomy(asked)):
+            raise AnatomyError(
+                f"was adapted from {anatomy.name}.npz with another content than {asked} has now",
+                where=path,
+                remedy="adapt the subject again, or give no --anatomy: the subject holds the one it was adapted from",
+            )
+    elif own or anatomy.name != asked:
+        told = f"{anatomy.name}.npz" if own else anatomy.name
+        problem = f"a subject of anatomy {told!r}, not {asked!r}"
+        raise AnatomyError(problem, where=path, remedy=f"adapt one with --anatomy {asked}")
+
+
+def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], kept: NDArray[Any] | None) -> Subject:
     if not isinstance(description, dict) or description.get("format") != FORMAT:
         raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`")
     if description["version"] > VERSION:
         raise AnatomyError(
             f"format version {description['version']} is newer than {VERSION}", where=path, remedy="update bonetrack"
         )
-    if asked is not None and description["anatomy"] != asked:
-        raise AnatomyError(
-            f"a subject of anatomy {description['anatomy']!r}, not {asked!r}",
-            where=path,
-            remedy=f"adapt one with --anatomy {asked}",
-        )
     name, report = description["anatomy"], description["report"]
-    if not isinstance(name, str) or not isinstance(report, dict) or Path(name).name != name or Path(name).suffix:
+    if not isinstance(name, str) or not isinstance(report, dict):
         raise ValueError("an anatomy's name and a report are expected")
-    template = load_anatomy(name)
+    template = anatomy_kept(name, kept, where=path)
     if len(template.skin_vertices) != description["skin_vertices"]:
         raise AnatomyError(
             f"made with another template of {template.name}", where=path, remedy="adapt the subject again"

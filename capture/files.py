@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,8 @@ class TooLarge(ValueError):
     """An array is larger than any that belongs there; the text says which."""
 
 
-def read_arrays(path: Path, known: Mapping[str, int]) -> dict[str, NDArray[Any]]:
-    """Arrays of an ``.npz`` file by name; nothing is unpickled.
+def read_arrays(path: Path | IO[bytes], known: Mapping[str, int]) -> dict[str, NDArray[Any]]:
+    """Arrays of an ``.npz`` file, or of an open one, by name; nothing is unpickled.
 
     ``known`` has the most bytes that each may take, by name; a name that ends in ``/`` stands for all that begin with
     it. Others are left alone, and sizes are looked at before anything is read, so that a small file cannot take much

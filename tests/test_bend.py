@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Deformer, Frame, Joint, load_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Deformer, Frame, Joint, read_anatomy, save_anatomy
 from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.deformers.bend import bind_bend, carry_bend
 from adapt.model.joints import joint_motion
@@ -199,7 +199,7 @@ def test_tissue_evades_outwards_on_the_inner_side_but_no_farther_than_a_mitre(
 
 def test_a_file_with_a_ball_and_a_bend_says_what_it_said(anatomy: Anatomy, tmp_path) -> None:  # type: ignore[no-untyped-def]
     save_anatomy(anatomy, tmp_path / "a.npz")
-    read = load_anatomy(tmp_path / "a.npz")
+    read = read_anatomy(tmp_path / "a.npz", where=tmp_path)
     assert read.joints == anatomy.joints
     assert read.deformers == anatomy.deformers
 

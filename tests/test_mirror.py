@@ -199,13 +199,14 @@ def test_both_arms_report_the_same_angles_in_mirrored_poses():
 def test_names_of_sides_change_places():
     assert mirrored_name("upper-limb-right") == LEFT
     assert mirrored_name(LEFT) == "upper-limb-right"
-    assert mirrored_name("body") == "body"
+    assert mirrored_name("body") == "body-mirrored"
+    assert mirrored_name("body-mirrored") == "body"
     assert mirrored_name("right") == "left"
 
 
 def test_a_left_limb_survives_its_file(tmp_path, left):
-    save_anatomy(left, tmp_path / "mine.npz")
-    again = load_anatomy(tmp_path / "mine.npz")
+    save_anatomy(left, tmp_path / f"{left.name}.npz")  # a file's anatomy is called as the file
+    again = load_anatomy(tmp_path / f"{left.name}.npz")
     assert repr(again) == repr(left)
     np.testing.assert_array_equal(again.skin_vertices, left.skin_vertices)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Frame, load_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Frame, load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored
 from adapt.model.body import (
     Body,
@@ -341,7 +341,7 @@ def test_bones_move_rigidly_with_their_transforms(body: Body, theta: np.ndarray)
 
 def test_an_anatomy_survives_its_file(anatomy: Anatomy, tmp_path) -> None:  # type: ignore[no-untyped-def]
     save_anatomy(anatomy, tmp_path / "toy.npz")
-    again = load_anatomy(tmp_path / "toy.npz")
+    again = read_anatomy(tmp_path / "toy.npz", where=tmp_path)
     assert again.joints == anatomy.joints
     assert again.deformers == anatomy.deformers
     assert isinstance(again.bones[0].frame, Frame)

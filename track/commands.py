@@ -17,7 +17,7 @@ _PATH = click.Path(path_type=Path)
 @click.argument("recording", type=_PATH)
 @click.option("--subject", required=True, type=_PATH, help="The subject, from `bonetrack adapt`.")
 @click.option("--out", required=True, type=_PATH, help="The motion folder to write.")
-@click.option("--anatomy", default=None, help="Refuse subjects of another anatomy.")
+@click.option("--anatomy", default=None, help="Refuse subjects of another anatomy, or anatomy file.")
 @click.option("--thorax", type=_PATH, help="JSON with the thorax frame (4 x 4) in the recording: adds ISB angles.")
 @click.option(
     "--poses",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -40,7 +41,7 @@ def _build(plan: LimbPlan, out: Path) -> None:
     path = out / f"{plan.name}.npz"
     with replaced_when_complete(path) as candidate:
         save_anatomy(anatomy, candidate)
-        written = load_anatomy(candidate)
+        written = replace(load_anatomy(candidate), name=plan.name)
         checks = all_checks(written, plan, source_of(plan))
         checks.append(Check("file size", candidate.stat().st_size / 1e6, LARGEST_FILE, "MB"))
         for check in checks:

@@ -19,8 +19,8 @@ from adapt.fit.rival_side import TOLD, SideEvidence, compare_sides
 from adapt.fit.sample import SkinSample
 from adapt.fit.score import ScoredPose, find_skin
 from adapt.fit.start import find_pose, try_pose
-from adapt.mirror import mirrored_name
 from adapt.model.body import Body, pose_skin
+from adapt.own_anatomy import other_side_asked
 from capture.cloud.fuse import Cloud
 from capture.errors import FitError
 
@@ -112,7 +112,7 @@ def refuse_two_limbs(
     places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
     raise FitError(
         f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",
-        remedy=f"say which with `--near X Y Z` or a region, with `--anatomy {mirrored_name(body.anatomy.name)}`, "
+        remedy=f"say which with `--near X Y Z` or a region, with {other_side_asked(body.anatomy)}, "
         "or, where both go through the same places, with first poses of the one that is meant",
     )
 

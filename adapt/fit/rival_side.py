@@ -31,6 +31,7 @@ from adapt.mirror import mirrored_body, mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates, moved_rigidly
 from adapt.model.size import resized
+from adapt.own_anatomy import other_side_asked
 from capture.errors import FitError
 from capture.rigid import exp_so3
 
@@ -88,7 +89,8 @@ def refuse_the_other_side(evidence: SideEvidence | None, anatomy: Anatomy, *, wh
         f"what was seen is clearly nearer to {other} ({1e3 * evidence.other_m:.1f} mm off) than to {anatomy.name} "
         f"({1e3 * evidence.asked_m:.1f} mm)",
         where=where,
-        remedy=f"ask for `--anatomy {other}`; if the sensors' driver mirrors its images, `bonetrack import --mirrored`",
+        remedy=f"ask for {other_side_asked(anatomy)}; if the sensors' driver mirrors its images, "
+        "`bonetrack import --mirrored`",
     )
 
 
@@ -108,7 +110,7 @@ def refuse_neither_side(
         f"neither {anatomy.name} nor its mirror image, in the poses found, lies on what was seen: the skin is "
         f"{1e3 * apart_m:.1f} mm off, patch by patch, and a limb's at most {1e3 * most_m:.1f} mm",
         where=where,
-        remedy=f"is it {mirrored_name(anatomy.name)}? Is somebody or something else beside the limb, or over it? Say "
+        remedy=f"is it {other_side_asked(anatomy)}? Is somebody or something else beside the limb, or over it? Say "
         "where the limb alone is with `--near X Y Z` or `--region X0 Y0 Z0 X1 Y1 Z1`; check unit and focal length",
     )
 

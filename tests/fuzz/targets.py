@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy, load_anatomy, write_anatomy
 from adapt.model.body import make_body
 from adapt.subject import Subject, load_subject, save_subject
 from capture.importers import Stated, open_source
@@ -155,6 +155,13 @@ def _anatomy() -> Anatomy:
 
 
 @functools.cache
+def _anatomy_file() -> bytes:
+    packed = io.BytesIO()
+    write_anatomy(_anatomy(), packed)
+    return packed.getvalue()
+
+
+@functools.cache
 def made_files() -> tuple[bytes, bytes, bytes]:
     """Files of a subject, of a motion of two frames, and of a pose set by hand."""
     anatomy = _anatomy()
@@ -182,7 +189,7 @@ def _members(file: bytes) -> dict[str, bytes]:
         return {name: members.read(name) for name in members.namelist()}
 
 
-def _inside(file: Callable[[], bytes], read: Callable[[Path], object]) -> Target:
+def _inside(file: Callable[[], bytes], read: Callable[[Path], object], *, array: str = "times") -> Target:
     """What stands inside an ``.npz`` file: its description, and a short array with its header, one after the other.
 
     A changed byte of the file itself would only fail its checksum.
@@ -192,16 +199,17 @@ def _inside(file: Callable[[], bytes], read: Callable[[Path], object]) -> Target
         return str(np.load(io.BytesIO(file()))["description"]).encode()
 
     def read_changed(data: bytes, scratch: Path) -> None:
-        text, _, array = data.partition(_BETWEEN)
+        text, _, changed_array = data.partition(_BETWEEN)
         written = io.BytesIO()
         np.save(written, np.array(text.decode("utf-8", errors="replace")))
-        changed = _members(file()) | {"description.npy": written.getvalue()} | ({"times.npy": array} if array else {})
+        changed = _members(file()) | {"description.npy": written.getvalue()}
+        changed |= {f"{array}.npy": changed_array} if changed_array else {}
         with zipfile.ZipFile(scratch / "fuzzed.npz", "w") as members:
             for name, content in changed.items():
                 members.writestr(name, content)
         read(scratch / "fuzzed.npz")
 
-    return Target(lambda: [description(), description() + _BETWEEN + _members(file())["times.npy"]], read_changed)
+    return Target(lambda: [description(), description() + _BETWEEN + _members(file())[f"{array}.npy"]], read_changed)
 
 
 _BETWEEN = b"\0\0\0\0"
@@ -232,6 +240,8 @@ TARGETS = {
     "raw": Target(lambda: [bytes(2 * 16 * 12)], _file(".raw").read),
     "recording": Target(_recording_seeds, _read_recording),
     "calibration": Target(_calibration_seeds, _read_calibration),
+    "anatomy": _written("anatomy.npz", _anatomy_file, load_anatomy),
+    "inside-an-anatomy": _inside(_anatomy_file, load_anatomy, array="landmarks"),
     "subject": _written("subject.npz", lambda: made_files()[0], load_subject),
     "inside-a-subject": _inside(lambda: made_files()[0], load_subject),
     "motion": _written("motion.npz", lambda: made_files()[1], load_motion),

@@ -20,7 +20,7 @@ _PATH = click.Path(path_type=Path)
 @click.command("batch")
 @click.argument("source", type=_PATH)
 @click.option("--out", required=True, type=_PATH, help="The folder of results, one folder for each recording.")
-@click.option("--anatomy", default=None, help="Of each recording that the table states none for.")
+@click.option("--anatomy", default=None, help="Name or file, of each recording that the table states none for.")
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes on this machine.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="A running Dask scheduler, instead of processes.")
 @click.option(

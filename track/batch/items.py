@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import math
 from collections import Counter
 from dataclasses import asdict, dataclass
@@ -13,6 +14,7 @@ from capture.errors import BonetrackError
 
 _MARK = "recording.json"
 _NEEDED = {"recording", "anatomy"}
+_CONTENT = "content of the anatomy's file"
 _KNOWN = (*sorted(_NEEDED), "name", "near", "region", "subject")
 
 
@@ -25,7 +27,7 @@ class Item:
     """One recording to be tracked, and under which name its results are kept.
 
     Without a ``subject`` the anatomy is adapted to the recording first. The ``region`` is x0 y0 z0 x1 y1 z1 (m), and
-    ``near`` a point x y z (m) that tells who of several is meant.
+    ``near`` a point x y z (m) that tells who of several is meant. Of an anatomy's file, ``content`` is a digest.
     """
 
     name: str
@@ -34,14 +36,16 @@ class Item:
     subject: Path | None = None
     region: tuple[float, ...] | None = None
     near: tuple[float, ...] | None = None
+    content: str | None = None
 
     def described(self) -> dict[str, Any]:
-        """The item as JSON keeps it; a point only where one is stated, for earlier versions knew none."""
+        """The item as JSON keeps it; a point and a content only where there is one, for earlier versions knew none."""
         subject = None if self.subject is None else str(self.subject)
         region = None if self.region is None else list(self.region)
         described = asdict(self) | {"recording": str(self.recording), "subject": subject, "region": region}
-        del described["near"]
-        return described if self.near is None else described | {"near": list(self.near)}
+        near, content = described.pop("near"), described.pop("content")
+        described |= {} if near is None else {"near": list(near)}
+        return described | ({} if content is None else {_CONTENT: content})
 
 
 def read_items(source: Path, *, anatomy: str | None = None) -> list[Item]:
@@ -49,18 +53,19 @@ def read_items(source: Path, *, anatomy: str | None = None) -> list[Item]:
 
     A CSV file has the columns ``recording`` and ``anatomy``, and may have ``name`` (else the recording's folder name),
     ``subject``, and ``region`` or ``near`` (six or three numbers, m, separated by spaces). Paths are relative to the
-    file's folder.
+    file's folder; an ``anatomy`` is a path where it ends in ``.npz``.
 
     Args:
         source: the folder or the file.
         anatomy: of every recording of a folder, and of lines of a table that state none.
 
     Raises:
-        BatchError: nothing there, a column or a value is missing or wrong, or two items of one name.
+        BatchError: nothing there, a column, a value or an anatomy's file is missing or wrong, or two items of one name.
     """
     if source.is_dir():
         found = sorted(path.parent.resolve() for path in source.glob(f"*/{_MARK}"))
-        items = [Item(path.name, path, _anatomy(anatomy, source)) for path in found]
+        name, content = _anatomy(anatomy, Path(), source)
+        items = [Item(path.name, path, name, content=content) for path in found]
     elif source.is_file():
         items = _from_table(source, anatomy)
     else:
@@ -99,20 +104,31 @@ def _item(line: dict[str, str | None], path: Path, number: int, anatomy: str | N
         raise BatchError(f"{name!r} cannot name a folder", where=where, remedy="use a name without slashes")
     if value["region"] and value["near"]:
         raise BatchError("states both a region and a point", where=where, remedy="leave one of them empty")
+    stated = _anatomy(value["anatomy"], path.parent, where) if value["anatomy"] else _anatomy(anatomy, Path(), where)
     return Item(
         name,
         recording,
-        _anatomy(value["anatomy"] or anatomy, where),
+        stated[0],
         (path.parent / value["subject"]).resolve() if value["subject"] else None,
         _region(value["region"], where),
         _near(value["near"], where),
+        stated[1],
     )
 
 
-def _anatomy(name: str | None, where: str | Path) -> str:
-    if not name:
+def _anatomy(stated: str | None, folder: Path, where: str | Path) -> tuple[str, str | None]:
+    """The name of an anatomy, or the path of its file from a ``folder`` and a digest of what the file holds."""
+    from adapt.anatomy import anatomy_file, is_path
+
+    if not stated:
         raise BatchError("no anatomy is stated", where=where, remedy="state it, such as --anatomy upper-limb-right")
-    return name
+    if not is_path(stated):
+        return stated, None
+    path = (folder / stated).resolve()
+    file = anatomy_file(path)
+    if file is None:
+        raise BatchError(f"no such anatomy file: {path}", where=where, remedy="name a file that is there")
+    return str(path), hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _region(text: str, where: str) -> tuple[float, ...] | None:

@@ -13,7 +13,7 @@ _PATH = click.Path(path_type=Path)
 
 @click.command("simulate")
 @click.option("--mesh", type=_PATH, help="A moving mesh (.npz: vertices (T, V, 3) m, faces (F, 3), fps).")
-@click.option("--anatomy", help="The limb, as upper-limb-right or lower-limb-left; goes with --motion.")
+@click.option("--anatomy", help="The limb, as for `bonetrack adapt`: a name or a file; goes with --motion.")
 @click.option("--motion", type=_PATH, help="CSV: time (s) and coordinates (rad, m) by name; NAME_deg is in degrees.")
 @click.option("--subject", type=_PATH, help="Who moves; the template itself if not given.")
 @click.option("--noise", type=click.Choice(["carmine", "none"]), default="carmine", show_default=True)
@@ -99,6 +99,5 @@ def _performance(anatomy: str, motion: Path, subject: Path | None):  # type: ign
     from adapt.subject import load_subject
     from track.evaluation.performance import read_motion_table
 
-    template = load_anatomy(anatomy)
-    body = load_subject(subject, anatomy=template.name).body if subject else make_body(template)
+    body = load_subject(subject, anatomy=anatomy).body if subject else make_body(load_anatomy(anatomy))
     return read_motion_table(motion, body)

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, bone_frames, joint_centres, make_body, pose_skin, posed_bones
 from adapt.model.pose_space import joint_coordinates, root_joint
+from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, is_comparable
 from adapt.subject import Subject
 from capture.files import UNREADABLE, read_arrays
 from capture.own import json_of, replaced_if_own
@@ -118,6 +119,7 @@ _KNOWN = dict.fromkeys(
     ("anatomy", "displacement", "shape", "times_s", "theta", "sensor_names", "world_from_sensor"), 64 << 20
 )
 """The arrays of a truth, and the most bytes of each."""
+_KNOWN[KEY] = MOST_BYTES
 
 
 def read_truth(recording: Recording) -> Truth:
@@ -132,7 +134,7 @@ def read_truth(recording: Recording) -> Truth:
         raise MotionError("has no known truth (truth.npz)", where=recording.path, remedy=remedy)
     try:
         data = read_arrays(path, _KNOWN)
-        anatomy = load_anatomy(str(data["anatomy"]))
+        anatomy = anatomy_kept(str(data["anatomy"]), data.get(KEY), where=path)
         v_hat = anatomy.skin_vertices + data["displacement"]
         sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
         return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)
@@ -177,6 +179,12 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
         raise MotionError(
             f"a motion of {motion.anatomy} by a subject of {subject.anatomy.name}, truth of {truth.body.anatomy.name}",
             remedy="give the subject and recording that the motion was made from",
+        )
+    if not is_comparable(truth.body.anatomy, subject.anatomy):
+        raise MotionError(
+            f"its truth is of another {subject.anatomy.name} than the subject: that anatomy's file was changed between",
+            where=recording.path,
+            remedy="simulate the recording again, or adapt and track again",
         )
     common = world_from_common(recording, truth)
     errors: dict[str, list[float]] = {}

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from adapt.model.body import pose_skin
+from adapt.own_anatomy import kept_anatomy
 from capture.recording import Recording
 from capture.simulation.sensor import NoiseModel
 from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
@@ -41,6 +42,7 @@ def simulate_performance(
         "theta": performance.thetas,
         "shape": body.shape,
         "displacement": (body.v_hat - body.anatomy.skin_vertices).astype(np.float32),
+        **kept_anatomy(body.anatomy),
     }
     return simulate_recording(
         out,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from adapt.anatomy import Anatomy, Coordinate, Floats
 from adapt.model import pose_space
 from adapt.model.body import Body, rest_theta
+from adapt.own_anatomy import is_comparable
 from adapt.subject import Subject, load_subject
 from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
@@ -151,7 +152,7 @@ def known_truth(recording: Recording, times: Floats, anatomy: Anatomy | None) ->
         common_from_world = inverse(world_from_common(recording, truth))
     except BonetrackError:
         return None  # a moving mesh's truth knows no bones
-    if anatomy is not None and truth.body.anatomy.name != anatomy.name:
+    if anatomy is not None and not is_comparable(truth.body.anatomy, anatomy):
         return None
     nearest = np.abs(truth.times[None, :] - times[:, None]).argmin(axis=1)
     thetas = truth.thetas[nearest].copy()
