@@ -133,6 +133,7 @@ class Anatomy:
     """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers.
 
     Compared by identity, so that what is prepared from an anatomy can be cached.
+    Raises AnatomyError where a coordinate has not the unit that its joint's type gives it.
     """
 
     name: str
@@ -151,6 +152,18 @@ class Anatomy:
     deformer_weights: Floats = field(repr=False)  # (V, D)
     fit_weight: Floats = field(repr=False)  # (V,) in [0, 1]: how much a vertex counts in fitting
     tetrahedra: dict[str, tuple[Floats, Ints]] = field(repr=False)  # "limb" and bone names: (N, 3) m, (T, 4)
+
+    def __post_init__(self) -> None:
+        from adapt.model.joints import units_of  # which itself needs what is above
+
+        for joint in self.joints:
+            for name, unit in zip(joint.coordinates, units_of(joint), strict=True):
+                if self.coordinates[self.coordinate_index(name)].unit != unit:
+                    raise AnatomyError(
+                        f"its coordinate {name} must be in {unit}",
+                        where=f"joint {joint.name}",
+                        remedy="mend the anatomy's data",
+                    )
 
     def bone(self, name: str) -> Bone:
         """The bone of that name. Raises AnatomyError with the valid names."""

@@ -188,6 +188,16 @@ def test_parts_that_make_none_are_refused(case: tuple[Body, Joint], wrong: dict[
         replace(joint, **wrong)  # type: ignore[arg-type]
 
 
+def test_coordinates_of_another_unit_are_refused(case: tuple[Body, Joint]) -> None:
+    anatomy, joint = case[0].anatomy, case[1]
+    for name in joint.coordinates:
+        i = anatomy.coordinate_index(name)
+        unit = anatomy.coordinates[i].unit
+        other = replace(anatomy.coordinates[i], unit="m" if unit == "rad" else "rad")
+        with pytest.raises(AnatomyError, match=f"joint {joint.name}: its coordinate {name} must be in {unit}"):
+            replace(anatomy, coordinates=(*anatomy.coordinates[:i], other, *anatomy.coordinates[i + 1 :]))
+
+
 # ---- in OpenSim
 
 

@@ -6,6 +6,8 @@ T_b(theta) = F_b(theta) F_b(rest)^-1 (paper, section 3.1) without a frame of its
 
 from __future__ import annotations
 
+from typing import Literal
+
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.joints.ball import Ball
 from adapt.model.joints.cylindrical import Cylindrical
@@ -40,3 +42,8 @@ def joint_problem(joint: Joint) -> str | None:
     if joint.type not in JOINT_TYPES:
         return f"no type {joint.type!r}: the types are {', '.join(JOINT_TYPES)}"
     return JOINT_TYPES[joint.type].problem(joint)
+
+
+def units_of(joint: Joint) -> tuple[Literal["rad", "m"], ...]:
+    """The units of a joint's coordinates."""
+    return JOINT_TYPES[joint.type].units
