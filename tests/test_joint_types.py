@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from adapt.anatomy import Anatomy, Coordinate, Floats, Joint, load_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Coordinate, Floats, Joint, load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
 from adapt.model.handles import affine_set
@@ -150,7 +150,7 @@ def test_the_mirror_image_moves_as_the_mirror_image(case: tuple[Body, Joint]) ->
 def test_it_survives_its_file(case: tuple[Body, Joint], tmp_path: Path) -> None:
     anatomy = case[0].anatomy
     save_anatomy(anatomy, tmp_path / "leg.npz")
-    again = load_anatomy(tmp_path / "leg.npz")
+    again = read_anatomy(tmp_path / "leg.npz", where=tmp_path)
     assert again.joints == anatomy.joints
     assert again.coordinates == anatomy.coordinates
 

@@ -147,7 +147,16 @@ def test_anatomies_of_one_name_are_compared_only_where_they_go_point_by_point(ar
     assert not is_comparable(arm, replace(arm, name="other"))
     assert not is_comparable(arm, replace(arm, skin_faces=arm.skin_faces[1:]))
     assert not is_comparable(arm, replace(arm, bones=(*arm.bones[:-1], replace(arm.bones[-1], name="paw"))))
-    assert not is_comparable(arm, replace(arm, coordinates=arm.coordinates[:-1]))
+    assert not is_comparable(arm, _renamed(arm, arm.joints[-1].coordinates[-1]))
+
+
+def _renamed(anatomy: Anatomy, coordinate: str) -> Anatomy:
+    def new(name: str) -> str:
+        return "other" if name == coordinate else name
+
+    coordinates = tuple(replace(each, name=new(each.name)) for each in anatomy.coordinates)
+    joints = tuple(replace(each, coordinates=tuple(map(new, each.coordinates))) for each in anatomy.joints)
+    return replace(anatomy, coordinates=coordinates, joints=joints)
 
 
 def test_a_batch_takes_anatomy_files_and_knows_when_they_changed(file: Path, arm: Anatomy, tmp_path: Path) -> None:

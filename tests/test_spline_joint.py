@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Floats, Frame, Joint, load_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Floats, Frame, Joint, load_anatomy, read_anatomy, save_anatomy
 from adapt.build.checks import motions
 from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, simm_spline, spline_joint
 from adapt.build.joint_accuracy import compare_with_table
@@ -249,7 +249,7 @@ def test_joints_that_share_a_coordinate_report_it_once(leg: Anatomy) -> None:
 
 def test_a_file_with_spline_joints_says_what_it_said(leg: Anatomy, tmp_path: Path) -> None:
     save_anatomy(leg, tmp_path / "leg.npz")
-    again = load_anatomy(tmp_path / "leg.npz")
+    again = read_anatomy(tmp_path / "leg.npz", where=tmp_path)
     assert again.joints == leg.joints
     assert isinstance(again.joint("knee").frames[0], Frame)
     np.testing.assert_allclose(motion_at(again, "knee", 1.4).matrix(), motion_at(leg, "knee", 1.4).matrix(), atol=1e-5)
@@ -265,7 +265,7 @@ def test_a_file_of_the_first_version_has_joints_without_splines(leg: Anatomy, tm
     for joint in description["joints"]:
         del joint["knots"], joint["frames"]
     np.savez(tmp_path / "old.npz", **(arrays | {"description": np.array(json.dumps(description))}))
-    assert load_anatomy(tmp_path / "old.npz").joints == hinged.joints
+    assert read_anatomy(tmp_path / "old.npz", where=tmp_path).joints == hinged.joints
 
 
 @pytest.mark.parametrize(
