@@ -69,7 +69,18 @@ def doubts(subject: Subject) -> list[str]:
             "the body is so, and one camera alone says it: check whether that is so, for a wrong focal length or unit "
             "does that, too"
         )
+    if as_adapted(subject, "median_distance_mm") is None:
+        told.append(
+            "its file does not say how near its skin came to the clouds it was adapted to, so a limb that is not the "
+            "subject's is told less surely: look at it in `bonetrack view`"
+        )
     return told
+
+
+def as_adapted(subject: Subject, name: str) -> float | None:
+    """The median (m) of what the subject's report says (mm) of its example poses; None where it does not."""
+    told = [pose[name] / 1e3 for pose in subject.report.get("poses", ()) if name in pose]
+    return float(np.median(told)) if told else None
 
 
 def _by_one_camera(subject: Subject) -> bool:

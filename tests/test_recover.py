@@ -237,6 +237,8 @@ FITS = [  # of the skin when adapted and now (mm), whether the root bone shows, 
     (1.7, 4.7, True, False),  # a real arm in a sleeve
     (1.7, 2.7, False, True),  # real stills whose upper arm does not show: a forearm on the upper arm
     (0.7, 1.2, False, False),  # and where it belongs
+    (None, 3.2, True, True),  # an arm on a leg, by a file that does not say how it fitted
+    (None, 2.6, True, False),
 ]
 
 
@@ -254,7 +256,8 @@ def test_a_limb_found_anew_must_fit_about_as_well_as_when_it_was_adapted(
         return replace(frame, residual_m=now_mm / 1e3, shown=shown), known_s
 
     monkeypatch.setattr(Tracker, "_judge", judged)
-    adapted = make_tracker(replace(limb.subject, report={"poses": [{"median_distance_mm": adapted_mm}]}))
+    figures = [] if adapted_mm is None else [{"median_distance_mm": adapted_mm}]
+    adapted = make_tracker(replace(limb.subject, report={"poses": figures}))
     if gap_s is None:
         frame, _ = adapted.first(limb.targets[0], 0.0)
     else:

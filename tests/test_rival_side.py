@@ -117,9 +117,11 @@ def test_an_upper_arm_alone_does_not_tell_its_side(limb, clouds):
 
 
 def test_what_could_not_be_told_is_said_beside_every_result(limb):
-    report = {"side": asdict(SideEvidence(0.001, 0.00101, 120, 0.5)) | {"told": False}}
+    figures = {"poses": [{"median_distance_mm": 1.0}]}
+    report = figures | {"side": asdict(SideEvidence(0.001, 0.00101, 120, 0.5)) | {"told": False}}
     assert "taken on trust" in doubts(replace(limb.subject, report=report))[0]
-    assert doubts(limb.subject) == []  # written before sides were told
+    assert doubts(replace(limb.subject, report=figures)) == []  # written before sides were told
+    assert "limb that is not the subject's is told less surely" in doubts(replace(limb.subject, report={}))[0]
 
 
 @pytest.mark.parametrize(("size", "by", "told"), [(0.8, 1, True), (0.8, 2, False), (1.0, 1, False), (1.3, 1, True)])

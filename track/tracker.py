@@ -26,7 +26,7 @@ from adapt.fit.start import CLEARLY_M, GOOD_M, locate, try_pose
 from adapt.fit.untold import towards_rest
 from adapt.model.body import Body
 from adapt.model.pose_space import pose_difference, root_joint
-from adapt.subject import Subject
+from adapt.subject import Subject, as_adapted
 from capture.errors import FitError
 from track.out_of_step import late_lever
 from track.prediction import predict, unsure_where_unknown
@@ -39,6 +39,7 @@ LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alon
 MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
+_USUAL_M = 0.001  # matched skin of an adapted subject from its clouds, where its file does not say
 _CLEARLY_WORSE = 1.2  # from a likely start, skin that is farther from the cloud than as adapted by more is searched
 _STILL_RAD, _MOST_FITS = np.deg2rad(0.5), 5  # a pose found anew is fitted until it stays
 _PAST_S = 0.15  # what is found when the last pose is older than this is found anew
@@ -281,19 +282,13 @@ def _search_is_due(state: TrackerState) -> bool:
 def make_tracker(subject: Subject) -> Tracker:
     """Prepare a subject for tracking."""
     sample = sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES)
-    matched, skin = (_as_adapted(subject, name) for name in ("median_distance_mm", "skin_to_cloud_mm"))
+    matched, skin = (as_adapted(subject, name) for name in ("median_distance_mm", "skin_to_cloud_mm"))
     return Tracker(
         subject,
         without(sample, skin_of(subject.body, subject.never_seen)),
-        usual_m=judge.FOLLOWED.residual_m if matched is None else max(_WORSE_THAN_ADAPTED * matched, FRESH_RESIDUAL_M),
+        usual_m=max(_WORSE_THAN_ADAPTED * (_USUAL_M if matched is None else matched), FRESH_RESIDUAL_M),
         good_m=GOOD_M if skin is None else min(_CLEARLY_WORSE * skin, GOOD_M),
     )
-
-
-def _as_adapted(subject: Subject, name: str) -> float | None:
-    """The median (m) of what the subject's report says (mm) of its example poses; None where it does not."""
-    told = [pose[name] / 1e3 for pose in subject.report.get("poses", ()) if name in pose]
-    return float(np.median(told)) if told else None
 
 
 def _settled(body: Body, target: Target, theta: Floats, sample: SkinSample) -> PoseFit:
