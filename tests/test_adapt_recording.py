@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import adapt.fit.candidates as finding
 import adapt.fit.recording as fitting
-from adapt.fit.recording import _Candidate, _choose, adapt_recording
+from adapt.fit.candidates import Candidate, choose
+from adapt.fit.recording import adapt_recording
 from adapt.fit.sample import sample_skin
 from adapt.fit.start import try_pose
 from adapt.model.body import pose_skin
@@ -36,9 +38,9 @@ def candidates(limb, monkeypatch):
         poses = [try_pose(body, target, sample, start) for start in starts]
         return min((pose for pose in poses if pose is not None), key=lambda pose: pose.badness_m)
 
-    monkeypatch.setattr(fitting, "_CANDIDATES", LOOKED_AT)
-    monkeypatch.setattr(fitting, "_plausible", plausible)
-    monkeypatch.setattr(fitting, "locate", locate)
+    monkeypatch.setattr(finding, "_CANDIDATES", LOOKED_AT)
+    monkeypatch.setattr(fitting, "plausible", plausible)
+    monkeypatch.setattr(finding, "locate", locate)
     return reached
 
 
@@ -78,9 +80,9 @@ def test_a_forearm_turned_over_in_some_candidates_is_turned_back_from_its_neighb
     for k, twist in enumerate(twists):
         target = exact_target(child, bent(child, 20.0 + 2.0 * k, twist))
         pose = try_pose(child, target, sample, bent(child, 35.0, 85.0 if twist == -50.0 else twist))
-        candidates.append(_Candidate(Instant(float(k), {}), target, pose))
+        candidates.append(Candidate(Instant(float(k), {}), target, pose))
     assert all(np.rad2deg(candidates[k].pose.fit.theta[turn]) > 60.0 for k in (2, 3, 4))
-    _, chosen, left, _ = _choose(child, candidates, sample, 4)
+    _, chosen, left, _ = choose(child, candidates, sample, 4)
     posed = {c.instant.time_s: np.rad2deg(c.pose.fit.theta[turn]) for c in chosen + left}
     for k, twist in enumerate(twists):
         assert abs(posed[float(k)] - twist) < 8.0

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+import adapt.fit.candidates as finding
 import adapt.fit.recording as fitting
 from adapt.fit.found import FoundPoses
 from adapt.fit.start import try_pose
@@ -36,7 +37,7 @@ def searched(limb, monkeypatch):
         assert pose is not None
         return pose
 
-    monkeypatch.setattr(fitting, "locate", locate)
+    monkeypatch.setattr(finding, "locate", locate)
     monkeypatch.setattr(fitting, "adapt_body", partial(fitting.adapt_body, outer_rounds=1, optimise_skin=False))
     return calls
 
@@ -125,7 +126,7 @@ def test_an_adaptation_that_fails_leaves_nothing_behind(limb, tmp_path, monkeypa
     def nothing(*_, **__):
         raise FitError("nothing there")
 
-    monkeypatch.setattr(fitting, "locate", nothing)
+    monkeypatch.setattr(finding, "locate", nothing)
     with pytest.raises(FitError, match="nothing there"):
         adapted(limb, tmp_path / "subject.npz")
     assert not list(tmp_path.iterdir())

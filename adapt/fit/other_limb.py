@@ -58,19 +58,21 @@ def other_limb(
     return (rest, pose) if sound and not skin.reason and whole.in_sight > _LEAST_IN_SIGHT else None
 
 
-def on_its_side(body: Body, target: Target, pose: ScoredPose, sample: SkinSample) -> tuple[ScoredPose, bool]:
-    """The pose of a leg, or of the other one in the same cloud where that lies on the asked side; whether that tells.
+def on_its_side(body: Body, target: Target, pose: ScoredPose, sample: SkinSample) -> tuple[ScoredPose, Floats | None]:
+    """The pose of a leg, or of the other one in the same cloud where that lies on the asked side; and the other's (n,).
 
-    Of limbs that do not keep to their side, and of one alone, nothing is told.
+    The other's is None where nothing is told: of limbs that do not keep to their side, and of one alone.
     """
     if not keeps_to_its_side(body.anatomy):
-        return pose, False
+        return pose, None
     second = other_limb(body, target, pose.fit.theta, sample)
     on_side = None if second is None else lies_on_its_side(body, pose.fit.theta, second[1].fit.theta)
-    if second is None or on_side is not False:
-        return pose, bool(on_side)
+    if second is None or on_side is None:
+        return pose, None
+    if on_side:
+        return pose, second[1].fit.theta
     swapped = try_pose(body, target, sample, second[1].fit.theta)
-    return (pose, False) if swapped is None else (swapped, True)
+    return (pose, None) if swapped is None else (swapped, pose.fit.theta)
 
 
 def limbs_that_could_be_meant(

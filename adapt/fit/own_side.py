@@ -32,6 +32,19 @@ def lies_on_its_side(body: Body, theta: Floats, other: Floats) -> bool | None:
     return bool((apart > 0.0) == (body.anatomy.side == "right"))
 
 
+def is_nearer_to(body: Body, theta: Floats, mine: Floats, other: Floats) -> bool | None:
+    """Whether a leg is the one at ``mine`` rather than the ``other`` of the same person at another time, all (n,).
+
+    Feet swing past each other fore and aft, so how far they are across decides. None where the person turned, or both
+    are too far away to tell.
+    """
+    right = _right(body, mine)
+    across = [(_lower_leg(body, theta) - _lower_leg(body, known)) @ right for known in (mine, other)]
+    if _right(body, theta) @ right < _SAME_WAY or min(map(abs, across)) > _APART_M[1]:
+        return None
+    return bool(abs(across[0]) < abs(across[1]))
+
+
 def _right(body: Body, theta: Floats) -> Floats:
     """Where the person's right is (3,), by the shank: the third axis of the rest pose."""
     return np.asarray(bone_transforms(body, theta)[_SHANK][:3, 2])
