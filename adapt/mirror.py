@@ -57,8 +57,7 @@ def mirrored(anatomy: Anatomy) -> Anatomy:
 
 def mirrored_body(body: Body) -> Body:
     """The mirror image of a body, of the other side's anatomy: same proportions, same soft tissue."""
-    shape = body.shape.copy()
-    shape[3::4] *= -1.0  # the translation along z of each group of handles
+    shape = body.affine.mirrored(body.shape)
     return make_body(mirrored(body.anatomy), shape=shape, v_hat=mirrored_points(body.v_hat))
 
 

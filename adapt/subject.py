@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats, is_path, load_anatomy
-from adapt.fit.priors import overall_size
 from adapt.model.body import Body, make_body
+from adapt.model.shape.prior import overall_size
 from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, content, kept_anatomy
 from adapt.tissue import MODES
 from capture.errors import AnatomyError

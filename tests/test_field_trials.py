@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from adapt.anatomy import Floats, load_anatomy
 from adapt.model.body import Body, joint_centres, make_body, pose_skin, rest_theta
+from adapt.model.size import resized
 from track.evaluation import field_trials
 from track.evaluation.field_trials import outcome_of
 from track.evaluation.performance import Performance
@@ -20,7 +21,6 @@ from track.evaluation.trials.command import Told
 from track.evaluation.trials.page import page_text
 from track.evaluation.trials.people import ARM, part_of
 from track.evaluation.trials.real import situations_of
-from track.evaluation.trials.recorded import sized
 from track.evaluation.trials.sensors import as_disparity
 from track.evaluation.trials.situation import SEEDS, SOUND_SEED, Outcome, Situation, Verdict
 from track.evaluation.trials.times import change_times
@@ -137,7 +137,7 @@ def test_an_ending_that_tells_nothing_is_no_refusal() -> None:
 
 def test_a_body_of_another_size_has_all_its_joints_as_far_apart_as_that() -> None:
     body = make_body(load_anatomy(ARM))
-    small = sized(body, 0.6)
+    small = resized(body, 0.6)
     theta = rest_theta(body)
 
     def spans(who: Body) -> Floats:

@@ -15,12 +15,13 @@ from adapt.fit.examples import choose_examples
 from adapt.fit.first_poses import read_first_poses
 from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
 from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
-from adapt.fit.priors import SIZE_SIGMA, range_term, shape_precision
+from adapt.fit.priors import range_term
 from adapt.fit.sample import sample_skin
 from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
 from adapt.fit.skin import STIFFNESS, fit_skin
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
+from adapt.model.shape.prior import SIZE_SIGMA, shape_precision
 from adapt.model.surface import incidence, vertex_areas, vertex_normals
 from adapt.model.variation import Points
 from adapt.tissue import tissue_deviation, tissue_field

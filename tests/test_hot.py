@@ -16,7 +16,7 @@ from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
 from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera, backproject
 from capture.cloud.fuse import Cloud, Region, View, pixels_inside, spread

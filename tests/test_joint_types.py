@@ -13,12 +13,12 @@ from scipy.interpolate import CubicSpline
 from adapt.anatomy import Anatomy, Coordinate, Floats, Joint, load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
-from adapt.model.handles import affine_set
 from adapt.model.hot.chain import move_bones
 from adapt.model.joints import JOINT_TYPES, joint_motion
 from adapt.model.joints.opensim import OsimJoint, TransformAxis
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import joint_index, reported_coordinates
+from adapt.model.shape.handle_space import affine_set
 from adapt.model.variation import Motion, constant_points
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, inverse, transform

@@ -11,9 +11,9 @@ from adapt.build.meshes import Mesh
 from adapt.build.pose_bones import ROOT, PoseProblem, placed_bodies
 from adapt.build.skin import Cut, evened, height_in
 from adapt.build.sources_myosim import Follow, Piece, SourceBody, SourceHinge, SourceSkeleton, in_pieces
-from adapt.fit.priors import shape_precision
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, posed_bones, rest_theta
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
+from adapt.model.shape.prior import shape_precision
 from capture.rigid import apply, exp_so3, transform
 from tests.test_template import sphere
 from track.evaluation.performance import motion_names, perform

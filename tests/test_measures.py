@@ -7,7 +7,7 @@ import pytest
 
 from adapt.anatomy import Anatomy
 from adapt.model.body import make_body
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
 from adapt.tissue import MODES
 from tests.finite_differences import check_jacobian
 from tests.known_limb import known_subject

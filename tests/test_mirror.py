@@ -24,7 +24,7 @@ from adapt.model.body import (
     posed_bones,
     rest_theta,
 )
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
 from adapt.subject import Subject, load_subject, save_subject
 from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import AnatomyError

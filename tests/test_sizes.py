@@ -13,11 +13,11 @@ import adapt.fit.overall_size as overall_size_module
 from adapt.anatomy import load_anatomy
 from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
-from adapt.fit.priors import overall_size
 from adapt.fit.sample import sample_skin
 from adapt.fit.start import locate, try_pose
 from adapt.model.body import joint_centres, make_body
-from adapt.model.size import handle_centres, resized
+from adapt.model.shape.prior import overall_size
+from adapt.model.size import resized
 from capture.errors import FitError
 from tests.known_limb import bent, exact_target
 from track.evaluation.performance import random_body
@@ -75,9 +75,9 @@ def test_a_grown_up_keeps_the_pose_that_was_searched(arm, sample, monkeypatch):
 def test_a_resized_body_is_the_same_body_larger(arm):
     body = random_body(arm, SEED)
     grown = resized(body, 0.7)
-    spans = [np.diff(handle_centres(one), axis=0) for one in (body, grown)]
+    spans = [np.diff(one.affine.heads(one.shape), axis=0) for one in (body, grown)]
     np.testing.assert_allclose(spans[1], 0.7 * spans[0], atol=1e-12)
-    skins = [one.v_tilde.value - handle_centres(one)[0] for one in (body, grown)]
+    skins = [one.v_tilde.value - one.affine.heads(one.shape)[0] for one in (body, grown)]
     np.testing.assert_allclose(skins[1], 0.7 * skins[0], atol=1e-7)  # weights are stored in single precision
 
 

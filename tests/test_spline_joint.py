@@ -16,9 +16,9 @@ from adapt.build.joint_accuracy import compare_with_table
 from adapt.build.knee import KNEE_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
 from adapt.fit.start import variations
 from adapt.model.body import bone_frames, bone_transforms, joint_centres, make_body, pose_skin_varying, rest_theta
-from adapt.model.handles import affine_set
 from adapt.model.joints import joint_motion
 from adapt.model.pose_space import reported_coordinates
+from adapt.model.shape.handle_space import affine_set
 from adapt.model.variation import Motion, constant_points
 from capture.errors import AnatomyError
 from capture.rigid import apply, inverse, rotation_angle, transform

@@ -17,9 +17,10 @@ from adapt.build.sources_myosim import SourceSkeleton
 from adapt.build.tetrahedra import TetMesh
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.handles import AffineSet, affine_set, deform, handle_positions
+from adapt.model.handles import deform, handle_positions
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import is_free
+from adapt.model.shape.handle_space import AffineSet, affine_set
 from capture.errors import AnatomyError
 from capture.rigid import rotation_angle
 
@@ -186,7 +187,7 @@ def drift_checks(anatomy: Anatomy) -> list[Check]:
         points, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         worst = 0.0
         for shape in shapes:
-            scale, shift = shape.reshape(-1, 4)[index, 0], shape.reshape(-1, 4)[index, 1:]
+            scale, shift = affine.scales(shape)[index], affine.shifts(shape)[index]
             rigid = scale * (points - affine.centres[index]) + affine.centres[index] + shift
             moved = deform(points, weights, positions, affine.handle_parameters(shape))
             worst = max(worst, float(np.linalg.norm(moved - rigid, axis=1).max()))
@@ -196,11 +197,9 @@ def drift_checks(anatomy: Anatomy) -> list[Check]:
 
 def _random_shape(affine: AffineSet, rng: np.random.Generator) -> Floats:
     """A shape (4J,): every stretch between neighbouring joints up to 8 per cent longer or shorter."""
-    shape = affine.identity.reshape(-1, 4).copy()
     steps = np.diff(affine.centres, axis=0) * rng.uniform(-0.08, 0.08, (len(affine.centres) - 1, 1))
-    shape[1:, 1:] = np.cumsum(steps, axis=0)
-    shape[:, 0] = rng.uniform(0.94, 1.06, len(shape))
-    return shape.ravel()
+    shifts = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    return affine.shape(rng.uniform(0.94, 1.06, len(shifts)), shifts)
 
 
 def motions(body: Body, joints: tuple[Joint, ...] | None = None) -> Iterator[Floats]:

@@ -17,9 +17,9 @@ from scipy.spatial import cKDTree
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.least_squares import data_term
 from adapt.fit.pose import PoseFit
-from adapt.fit.priors import shape_precision
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, pose_skin_varying
+from adapt.model.shape.prior import shape_precision
 
 _AROUND_LANDMARK_M = 0.05
 _MATTERS = 0.5  # fit weight of the skin nearest to a landmark from which on it is worth a pose of its own

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from adapt.fit.correspondences import Target
-from adapt.fit.priors import overall_size
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import ScoredPose
 from adapt.fit.shape import fit_shape
 from adapt.fit.start import is_sound, try_pose
 from adapt.model.body import Body
+from adapt.model.shape.prior import overall_size
 from adapt.model.size import resized
 from capture.errors import FitError
 

@@ -14,17 +14,14 @@ the skin does, and a bone is told to a few per cent by the fit: together _ALLOWE
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy
-from adapt.fit.priors import bones_between_groups
 from adapt.model.body import Body
-from adapt.model.size import handle_centres
+from adapt.model.shape.prior import bones_between_groups
 from capture.errors import FitError
 
 _DEVIATIONS = 3.29  # of a normal distribution, either way: 99.9 % lie within
@@ -95,10 +92,10 @@ class BoneLength:
 
 def bone_lengths(body: Body) -> list[BoneLength]:
     """The bones that span from joint to joint, parallel ones once, from the trunk outwards."""
-    centres, template = handle_centres(body), body.affine.centres
+    heads, template = body.affine.heads(body.shape), body.affine.centres
     lengths = []
-    for bone, first, last in _named_bones(body.anatomy, body):
-        length, usual = (float(np.linalg.norm(points[last] - points[first])) for points in (centres, template))
+    for (first, last), bone in bones_between_groups(body.anatomy, body.affine).items():
+        length, usual = (float(np.linalg.norm(points[last] - points[first])) for points in (heads, template))
         measure = _MEASURES.get(bone, _STATURE)
         least, largest = measure.smallest() / _ALLOWED, measure.largest() * _ALLOWED
         lengths.append(BoneLength(bone, length, usual, least * usual, largest * usual))
@@ -133,7 +130,7 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
                 remedy="the limb is probably laid along something else, or a part of it was never seen: narrow the "
                 "region, choose other frames, or give first poses",
             )
-    scales = body.shape[::4]
+    scales = body.affine.scales(body.shape)
     joint = int(np.abs(np.log(scales)).argmax())
     if not _LEAST_GIRTH <= scales[joint] <= _LARGEST_GIRTH:
         raise FitError(
@@ -142,16 +139,6 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
             where=where,
             remedy=_REMEDY,
         )
-
-
-def _named_bones(anatomy: Anatomy, body: Body) -> Iterator[tuple[str, int, int]]:
-    """A bone's name, and the two groups of handles that it spans: the first of bones that span the same."""
-    for first, last in bones_between_groups(anatomy, body.affine):
-        ends = {body.affine.groups[first], body.affine.groups[last]}
-        spans = (
-            bone.name for bone in anatomy.bones if {h.joint for h in anatomy.handles if h.bone == bone.name} == ends
-        )
-        yield next(spans), first, last
 
 
 def _mm(length_m: float) -> str:

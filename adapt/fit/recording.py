@@ -31,10 +31,10 @@ from adapt.fit.other_limb import refuse_two_limbs
 from adapt.fit.own_side import keeps_to_its_side
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
-from adapt.fit.priors import overall_size
 from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.model.body import Body, make_body
+from adapt.model.shape.prior import overall_size
 from adapt.subject import Subject
 from capture.cloud.fuse import Region
 from capture.errors import FitError
@@ -189,12 +189,11 @@ def _adapted(
 
 def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
     """How large the body is at each joint against the template, with one standard deviation."""
-    deviations = np.sqrt(np.diag(adaptation.covariance))[: len(adaptation.body.shape) : 4]
+    body = adaptation.body
+    deviations = np.sqrt(np.diag(adaptation.covariance))[body.affine.scale_columns]
     return {
         joint: {"scale": float(scale), "sd": float(deviation)}
-        for joint, scale, deviation in zip(
-            adaptation.body.affine.groups, adaptation.body.shape[::4], deviations, strict=True
-        )
+        for joint, scale, deviation in zip(body.affine.groups, body.affine.scales(body.shape), deviations, strict=True)
     }
 
 

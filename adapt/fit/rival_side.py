@@ -22,7 +22,6 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.fit.correspondences import Target
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_misfit
-from adapt.fit.priors import shape_precision
 from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import skin_apart
 from adapt.fit.shape import ShapeFit, fit_shape
@@ -30,6 +29,7 @@ from adapt.fit.start import try_pose
 from adapt.mirror import mirrored_body, mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates, moved_rigidly
+from adapt.model.shape.prior import shape_precision
 from adapt.model.size import resized
 from adapt.own_anatomy import other_side_asked
 from capture.errors import FitError

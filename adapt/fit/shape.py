@@ -25,10 +25,11 @@ from adapt.fit.least_squares import (
     levenberg_marquardt,
 )
 from adapt.fit.pose import match_pose, next_gate
-from adapt.fit.priors import range_term, shape_precision
+from adapt.fit.priors import range_term
 from adapt.fit.sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
 from adapt.model.pose_space import wrap
+from adapt.model.shape.prior import shape_precision
 from adapt.model.variation import Points
 from adapt.tissue import TissueField, tissue_field
 
@@ -158,9 +159,7 @@ class ShapeEnergy:
 
     def at(self, x: Floats) -> Body:
         """The body at x. A trial step may leave the model's domain: then the nearest valid one."""
-        shape = x[: self.of.m].copy()
-        shape[::4] = np.maximum(shape[::4], 0.1)
-        anatomy = self.body.anatomy
+        anatomy, shape = self.body.anatomy, self.body.affine.nearest_possible(x[: self.of.m])
         grown = tissue_field(anatomy).displacement(x[self.of.tissue])
         return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
 

@@ -20,13 +20,13 @@ from adapt.fit.forms import typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.placing import Placements, Scene, costs
 from adapt.fit.pose import fit_pose
-from adapt.fit.priors import overall_size
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundPart, ScoredPose, find_skin, score_pose
 from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.untold import towards_rest
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.model.pose_space import joint_coordinates, root_coordinates
+from adapt.model.shape.prior import overall_size
 from capture.cloud.fuse import Cloud
 from capture.errors import FitError
 from capture.rigid import exp_so3

@@ -2,5 +2,6 @@
 
 Read in this order: ``variation`` (a value and its partial derivatives), ``frames`` (landmarks to frames),
 ``joints`` (one file per joint type), ``pose_space`` (their coordinates together), ``kinematics`` (the chain),
-``handles`` (anthropometric deformation), ``deformers`` (rigid, forearm, bend), ``body`` (all of it together).
+``handles`` (anthropometric deformation), ``shape`` (how bodies differ), ``deformers`` (rigid, forearm, bend), ``body``
+(all of it together).
 """

@@ -14,12 +14,13 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.deformers import Bound, bind, carry, riding
 from adapt.model.frames import frame_from_landmarks, landmark_mean
-from adapt.model.handles import AffineSet, affine_set, deform, deform_varying, handle_positions, local_scale
+from adapt.model.handles import deform, deform_varying, handle_positions, local_scale
 from adapt.model.hot.chain import Chain
 from adapt.model.hot.prepared import prepare_chain, prepare_skin
 from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import rest_pose
+from adapt.model.shape.handle_space import AffineSet, affine_set
 from adapt.model.variation import Motion, Points, constant_points, still_points
 from capture.errors import AnatomyError
 
@@ -101,7 +102,7 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
     v_hat = anatomy.skin_vertices if v_hat is None else np.asarray(v_hat, dtype=np.float64)
     if shape.shape != affine_set(anatomy).identity.shape or not np.isfinite(shape).all():
         raise AnatomyError(f"a shape of {anatomy.name} has {len(affine_set(anatomy).identity)} finite numbers")
-    if (shape[::4] <= 0.0).any():
+    if not affine_set(anatomy).is_possible(shape):
         raise AnatomyError("a handle's scale must be positive")
     if v_hat.shape != anatomy.skin_vertices.shape or not np.isfinite(v_hat).all():
         raise AnatomyError(f"v_hat of {anatomy.name} must be finite and of shape {anatomy.skin_vertices.shape}")

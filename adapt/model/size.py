@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from adapt.anatomy import Floats
 from adapt.model.body import Body, make_body
 
 
@@ -14,12 +11,4 @@ def resized(body: Body, size: float) -> Body:
     Raises:
         AnatomyError: ``size`` is not positive.
     """
-    shape, centres = body.shape.reshape(-1, 4).copy(), body.affine.centres
-    shape[:, 1:] = size * (centres + shape[:, 1:]) + (1.0 - size) * centres[0] - centres
-    shape[:, 0] *= size
-    return make_body(body.anatomy, shape=shape.ravel(), v_hat=body.v_hat)
-
-
-def handle_centres(body: Body) -> Floats:
-    """Where the groups of handles (J, 3) stand in the body at rest (m): near its joints' centres."""
-    return np.asarray(body.affine.centres + body.shape.reshape(-1, 4)[:, 1:])
+    return make_body(body.anatomy, shape=body.affine.resized(body.shape, size), v_hat=body.v_hat)

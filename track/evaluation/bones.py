@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
 from adapt.model.body import Body, bone_transforms, make_body, rest_theta
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
 from capture.rigid import apply, inverse
 
 _HEAD_RADIUS_M = 0.045
@@ -67,10 +67,8 @@ class Proportions:
     def body(self, anatomy: Anatomy) -> Body:
         """The body of that kind: joint centres spread from the first by ``length``, heads scaled by ``scale``."""
         affine = affine_set(anatomy)
-        shape = affine.identity.reshape(-1, 4)
-        shape[:, 0] = self.scale
-        shape[:, 1:] = (self.length - 1.0) * (affine.centres - affine.centres[0])
-        return make_body(anatomy, shape=shape.ravel())
+        shifts = (self.length - 1.0) * (affine.centres - affine.centres[0])
+        return make_body(anatomy, shape=affine.shape(np.full(len(shifts), self.scale), shifts))
 
 
 FIGURE_7 = (

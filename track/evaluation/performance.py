@@ -20,8 +20,8 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.coordinate_columns import coordinate_column, refuse_outside_range, says_degrees
 from adapt.mirror import mirrored_coordinate, mirrored_name
 from adapt.model.body import Body, make_body, rest_theta
-from adapt.model.handles import affine_set
 from adapt.model.pose_space import free_coordinates, joint_index
+from adapt.model.shape.handle_space import affine_set
 from adapt.model.surface import incidence, vertex_normals
 from adapt.tissue import tissue_deviation
 from capture.errors import BonetrackError
@@ -52,12 +52,15 @@ def random_body(anatomy: Anatomy, seed: int) -> Body:
     """A body of other proportions: bone lengths, scales at the joints, and smooth bumps of soft tissue."""
     rng = np.random.default_rng(seed)
     affine = affine_set(anatomy)
-    shape = affine.identity.reshape(-1, 4)
-    shape[:, 0] += rng.uniform(-SCALE_SPREAD, SCALE_SPREAD, len(shape))
-    stretch = 1.0 + rng.uniform(-LENGTH_SPREAD, LENGTH_SPREAD, len(shape) - 1)
+    scales = 1.0 + rng.uniform(-SCALE_SPREAD, SCALE_SPREAD, len(affine.groups))
+    stretch = 1.0 + rng.uniform(-LENGTH_SPREAD, LENGTH_SPREAD, len(affine.groups) - 1)
     spans = stretch[:, None] * np.diff(affine.centres, axis=0)
-    shape[1:, 1:] = affine.centres[0] + np.cumsum(spans, axis=0) - affine.centres[1:]
-    return make_body(anatomy, shape=shape.ravel(), v_hat=anatomy.skin_vertices + soft_tissue(anatomy, rng))
+    heads = affine.centres[0] + np.vstack([np.zeros(3), np.cumsum(spans, axis=0)])
+    return make_body(
+        anatomy,
+        shape=affine.shape(scales, heads - affine.centres),
+        v_hat=anatomy.skin_vertices + soft_tissue(anatomy, rng),
+    )
 
 
 def soft_tissue(anatomy: Anatomy, rng: np.random.Generator) -> Floats:

@@ -13,7 +13,8 @@ from scipy.interpolate import RBFInterpolator
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, make_body
-from adapt.model.handles import affine_set, d_deform_d_shape, handle_positions
+from adapt.model.handles import d_deform_d_shape, handle_positions
+from adapt.model.shape.handle_space import affine_set
 from track.evaluation.performance import LENGTH_SPREAD, SCALE_SPREAD, random_body, soft_tissue
 
 _SKIN_SAMPLES = 1200  # whose displacement is interpolated into the limb

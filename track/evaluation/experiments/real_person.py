@@ -28,7 +28,7 @@ from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.fit.start import find_pose
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
-from adapt.model.handles import affine_set
+from adapt.model.shape.handle_space import affine_set
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import instants
 from capture.rigid import apply, inverse, transform
@@ -186,8 +186,8 @@ def _by_landmarks(anatomy: Anatomy, limb: Limb, him: RealLimb, common_from_world
 
 def _sized(anatomy: Anatomy, scale: float) -> Body:
     """The whole template larger or smaller."""
-    centres = affine_set(anatomy).centres
-    return make_body(anatomy, shape=np.column_stack([np.full(len(centres), scale), (scale - 1.0) * centres]).ravel())
+    affine = affine_set(anatomy)
+    return make_body(anatomy, shape=affine.shape(np.full(len(affine.groups), scale), (scale - 1.0) * affine.centres))
 
 
 def _off(theta: Floats, body: Body, rng: np.random.Generator) -> Floats:

@@ -20,7 +20,7 @@ from adapt.fit.shape import fit_shape
 from adapt.fit.skin import fit_skin
 from adapt.fit.start import try_pose, variations
 from adapt.model.body import Body, make_body, pose_skin
-from adapt.model.handles import affine_set
+from adapt.model.size import resized
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.stills import disturbed, record_stills
@@ -57,11 +57,7 @@ STARTS = (
 
 def scaled_body(anatomy: Anatomy, scale: float) -> Body:
     """The template, all of it larger by ``scale``."""
-    affine = affine_set(anatomy)
-    shape = affine.identity.reshape(-1, 4)
-    shape[:, 0] = scale
-    shape[:, 1:] = (scale - 1.0) * (affine.centres - affine.centres[0])
-    return make_body(anatomy, shape=shape.ravel())
+    return resized(make_body(anatomy), scale)
 
 
 def run(case: str, folder: Path) -> Result:

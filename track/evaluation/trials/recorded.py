@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Floats, Ints, load_anatomy
-from adapt.model.body import Body, make_body, pose_skin
-from adapt.model.handles import affine_set
+from adapt.model.body import Body, pose_skin
+from adapt.model.size import resized
 from capture.recording import open_recording
 from capture.simulation.simulate import SensorRig, simulate_recording
 from track.evaluation.errors import Truth, read_truth
@@ -49,22 +49,12 @@ def still(vertices: Floats, faces: Ints) -> Around:
     return Around(lambda _: vertices, faces)
 
 
-def sized(body: Body, factor: float) -> Body:
-    """The same body, all of it so many times as large."""
-    affine = affine_set(body.anatomy)
-    shape = body.shape.reshape(-1, 4).copy()
-    shape[:, 0] *= factor
-    middle = affine.centres[0]
-    shape[:, 1:] = middle + factor * (affine.centres + shape[:, 1:] - middle) - affine.centres
-    return make_body(body.anatomy, shape=shape.ravel(), v_hat=body.v_hat)
-
-
 def performance_of(
     anatomy: str, seed: int, *, factor: float = 1.0, speed: int = 1, change: Callable[[Body], Body] = lambda b: b
 ) -> Performance:
     """A random body that makes the first 20 instants of a made-up motion, calmly or at twice the ``speed``."""
     template = load_anatomy(anatomy)
-    body = change(sized(random_body(template, seed), factor))
+    body = change(resized(random_body(template, seed), factor))
     motion = _ARM if anatomy.startswith("upper") else _LEG
     whole = perform(body, (motion,), seconds_each=_SPEEDS[speed] / _FPS, fps=_FPS, seed=seed)
     return Performance(body, whole.times[:INSTANTS], whole.thetas[:INSTANTS])
