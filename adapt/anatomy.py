@@ -24,8 +24,6 @@ Ints = NDArray[np.int64]
 FORMAT = "bonetrack-anatomy"
 VERSION = 2  # 2: ball and spline joints, bend deformers
 
-DeformerType = Literal["rigid", "forearm", "bend"]
-
 
 @dataclass(frozen=True)
 class Coordinate:
@@ -116,16 +114,22 @@ class Handle:
 
 @dataclass(frozen=True)
 class Deformer:
-    """What moves skin: type 'rigid' rides on ``bones[0]``; 'forearm' twists and 'bend' bends between two bones.
+    """What moves skin, by which bones and frames: what these mean says the type (adapt.model.deformers).
 
-    For 'forearm', ``frames[0]`` rides on ``bones[0]`` (the ulna) and ``frames[1]`` on ``bones[1]`` (the radius).
-    For 'bend', ``frames`` are the planes where the bend starts and ends (origins and y axes) and the joint's centre.
+    Raises AnatomyError where bones and frames make no deformer of the type.
     """
 
     name: str
-    type: DeformerType
+    type: str  # of adapt.model.deformers.DEFORMER_TYPES
     bones: tuple[str, ...]
     frames: tuple[Frame, ...] = ()
+
+    def __post_init__(self) -> None:
+        from adapt.model.deformers import deformer_problem  # which itself needs what is above
+
+        problem = deformer_problem(self)
+        if problem is not None:
+            raise AnatomyError(problem, where=f"deformer {self.name}", remedy="mend the anatomy's data")
 
 
 @dataclass(frozen=True, eq=False)

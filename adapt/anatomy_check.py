@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Bone, DeformerType, anatomy_arrays
+from adapt.anatomy import Anatomy, Bone, anatomy_arrays
 from adapt.tissue import MODES
 from capture.errors import AnatomyError
 
@@ -66,9 +66,6 @@ def _parts(anatomy: Anatomy) -> Iterator[str]:
         if not any(handle.bone == bone.name for handle in anatomy.handles):
             yield f"the bone {bone.name} has no handle"
     for deformer in anatomy.deformers:
-        if deformer.type not in get_args(DeformerType):
-            valid = ", ".join(get_args(DeformerType))
-            yield f"the deformer {deformer.name} has no type {deformer.type!r}: the types are {valid}"
         for name in deformer.bones:
             anatomy.bone(name)
     for coordinate in anatomy.coordinates:

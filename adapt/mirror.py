@@ -17,12 +17,12 @@ pronation. What that asks of each part:
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import assert_never
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Handle, Ints, Joint
+from adapt.anatomy import Anatomy, Bone, Coordinate, Floats, Handle, Ints, Joint
 from adapt.model.body import Body, make_body
+from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.frames import mirrored_frame
 from adapt.model.joints import JOINT_TYPES
 
@@ -40,7 +40,7 @@ def mirrored(anatomy: Anatomy) -> Anatomy:
         joints=tuple(_joint(joint) for joint in anatomy.joints),
         coordinates=_coordinates(anatomy),
         handles=tuple(_handle(handle) for handle in anatomy.handles),
-        deformers=tuple(_deformer(deformer) for deformer in anatomy.deformers),
+        deformers=tuple(DEFORMER_TYPES[deformer.type].mirrored(deformer) for deformer in anatomy.deformers),
         landmark_names=anatomy.landmark_names,
         landmarks=mirrored_points(anatomy.landmarks),
         landmark_handle_weights=anatomy.landmark_handle_weights,
@@ -119,13 +119,3 @@ def _coordinates(anatomy: Anatomy) -> tuple[Coordinate, ...]:
 
 def _turned(coordinate: Coordinate) -> Coordinate:
     return replace(coordinate, low=-coordinate.high, high=-coordinate.low, rest=0.0 - coordinate.rest)
-
-
-def _deformer(deformer: Deformer) -> Deformer:
-    match deformer.type:
-        case "rigid":
-            return deformer
-        case "forearm" | "bend":
-            return replace(deformer, frames=tuple(mirrored_frame(frame) for frame in deformer.frames))
-        case _:
-            assert_never(deformer.type)

@@ -9,7 +9,7 @@ import pytest
 
 from adapt.anatomy import Anatomy, Deformer, Frame, Joint, read_anatomy, save_anatomy
 from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
-from adapt.model.deformers.bend import bind_bend, carry_bend
+from adapt.model.deformers.bend import Bend
 from adapt.model.joints import joint_motion
 from adapt.model.kinematics import bone_motions
 from adapt.model.variation import Motion, Points, constant_points, move, still_points
@@ -77,7 +77,7 @@ def carried(anatomy: Anatomy, theta: np.ndarray, skin: np.ndarray) -> np.ndarray
     p = constant_points(anatomy.landmarks, len(theta))
     motions = bone_motions(anatomy, theta, p)
     points = constant_points(skin, len(theta))
-    return carry_bend(bind_bend(anatomy, (START, END, BENT), p, points), (motions["upper"], motions["fore"])).value
+    return Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, points), (motions["upper"], motions["fore"])).value
 
 
 def test_the_bend_deformer_varies_as_stated(anatomy: Anatomy, theta: np.ndarray) -> None:
@@ -93,7 +93,7 @@ def test_the_bend_deformer_varies_as_stated(anatomy: Anatomy, theta: np.ndarray)
         own = np.concatenate([np.zeros((points.size, n + m)), np.eye(points.size)], axis=1)
         varying = Points(q[n + m :].reshape(-1, 3), own.reshape(*points.shape, -1))
         motions = bone_motions(anatomy, q[:n], p)
-        return carry_bend(bind_bend(anatomy, (START, END, BENT), p, varying), (motions["upper"], motions["fore"]))
+        return Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, varying), (motions["upper"], motions["fore"]))
 
     at = np.concatenate([theta, anatomy.landmarks.ravel(), points.ravel()])
     check_jacobian(lambda q: skin(q).value, skin(at).d, at)
@@ -105,8 +105,8 @@ def test_points_that_do_not_vary_are_carried_as_if_they_had_derivatives_of_zero(
     p = constant_points(anatomy.landmarks, len(theta))
     motions = bone_motions(anatomy, theta, p)
     pair = motions["upper"], motions["fore"]
-    varying = carry_bend(bind_bend(anatomy, (START, END, BENT), p, constant_points(ABOUT_ELBOW, len(theta))), pair)
-    still = carry_bend(bind_bend(anatomy, (START, END, BENT), p, still_points(ABOUT_ELBOW)), pair)
+    varying = Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, constant_points(ABOUT_ELBOW, len(theta))), pair)
+    still = Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, still_points(ABOUT_ELBOW)), pair)
     np.testing.assert_allclose(still.value, varying.value, atol=1e-14)
     np.testing.assert_allclose(still.d, varying.d, atol=1e-12)
 
@@ -172,8 +172,8 @@ def bent_tube(degrees: float) -> tuple[np.ndarray, np.ndarray]:
     still = Motion(np.eye(3), np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0)))
     turned = replace(still, rotation=exp_so3(np.array([0.0, 0.0, np.radians(degrees)])))
     points = constant_points(skin, 0)
-    bound = bind_bend(anatomy, frames, constant_points(anatomy.landmarks, 0), points)
-    return skin, carry_bend(bound, (still, turned)).value
+    bound = Bend().bind(anatomy, frames, constant_points(anatomy.landmarks, 0), points)
+    return skin, Bend().carry(bound, (still, turned)).value
 
 
 @pytest.mark.parametrize("degrees", [30.0, 60.0, 90.0, 120.0])

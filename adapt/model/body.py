@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.model.deformers import Bound, bind, carry, riding
+from adapt.model.deformers import Bound, bind, bone_shares, carry
 from adapt.model.frames import frame_from_landmarks, landmark_mean
 from adapt.model.handles import deform, deform_varying, handle_positions, local_scale
 from adapt.model.hot.chain import Chain
@@ -72,7 +72,7 @@ class Body:
         names, shares = [bone.name for bone in self.anatomy.bones], self.anatomy.deformer_weights.T
         rides = np.zeros((len(self.v_hat), len(names)))
         for deformer, bound, weight in zip(self.anatomy.deformers, self.bound_skin, shares, strict=True):
-            for name, share in riding(deformer, bound).items():
+            for name, share in bone_shares(deformer, bound).items():
                 rides[:, names.index(name)] += weight * share
         return rides
 

@@ -20,11 +20,9 @@ import numpy as np
 
 from adapt.anatomy import Deformer, Floats, Ints
 from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest_theta
-from adapt.model.deformers.bend import BoundBend, swelling
+from adapt.model.deformers import DEFORMER_TYPES, Bound, DeformerType, bone_shares
 from adapt.model.deformers.between import blended_frames
-from adapt.model.deformers.forearm import BoundForearm
-from adapt.model.frames import frame_from_landmarks
-from adapt.model.variation import Motion, Points, compose
+from adapt.model.variation import Motion, compose
 
 STEPS = 8
 """Pieces that a deformer's turn is cut into: of a turn by 160 degrees, each blends linearly over 20."""
@@ -38,7 +36,8 @@ _POSES = 40  # that the shares of a bend's twins are fitted to
 class _Swelling:
     """How tissue swells inside a bend: points (M,) of it, their distances r (M,) m from the axis and shares b (M,)."""
 
-    bound: BoundBend
+    kind: DeformerType
+    bound: Bound
     reach: Floats
     share: Floats
 
@@ -46,7 +45,7 @@ class _Swelling:
         """G: what serves the points best."""
         weights = self.share * self.reach**2
         whole = float(weights @ self.share)
-        return float(weights @ swelling(self.bound, motions)) / whole if whole else 0.0
+        return float(weights @ self.kind.swelling(self.bound, motions)) / whole if whole else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +123,16 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
     for deformer, bound, share in zip(
         body.anatomy.deformers, body.bound_skin, body.anatomy.deformer_weights.T, strict=True
     ):
-        if isinstance(bound, Points):
-            weights[:, bones.index(deformer.bones[0])] += share
+        kind = DEFORMER_TYPES[deformer.type]
+        rides = bone_shares(deformer, bound)
+        ends = kind.turning_frames(body.anatomy, deformer.frames, body.p, bound)
+        if ends is None:
+            for name, part in rides.items():
+                weights[:, bones.index(name)] += share * part
             continue
-        span, twin = _span(body, deformer, bound, share, thetas, steps)
+        t = rides[deformer.bones[1]]
+        still = (_still(ends[0].matrix()), _still(ends[1].matrix()))
+        span, twin = _span(body, deformer, bound, still, share, thetas, steps)
         helpers = [f"{deformer.name}_{k}_of_{steps}" for k in range(1, steps)]
         if span.swelling is not None:
             helpers += [f"{name}_swelling" for name in helpers]
@@ -137,7 +142,7 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
         twins = [first, *(own[steps - 1 :] or own), second]
         names, hangs_on = names + helpers, hangs_on + [span.bones[0]] * len(helpers)
         weights = np.pad(weights, ((0, 0), (0, len(helpers))))
-        _hang(weights, columns, twins, bound.t, share, twin)
+        _hang(weights, columns, twins, t, share, twin)
         spans.append(span)
     at_rest = bone_frames(body, rest_theta(body))
     still = {name: np.eye(4) for name in bones}
@@ -157,34 +162,36 @@ def skin_gap(skin: LinearSkin, thetas: Iterable[Floats]) -> SkinGap:
 
 
 def _span(
-    body: Body, deformer: Deformer, bound: BoundForearm | BoundBend, weight: Floats, thetas: Floats, steps: int
+    body: Body,
+    deformer: Deformer,
+    bound: Bound,
+    ends: tuple[Motion, Motion],
+    weight: Floats,
+    thetas: Floats,
+    steps: int,
 ) -> tuple[_Span, Floats]:
     """The frames between a deformer's bones, and by which share (V,) each vertex hangs on their twins."""
     first, second = deformer.bones
-    t, twin = np.arange(1, steps) / steps, np.zeros(len(weight))
-    if isinstance(bound, BoundForearm):
-        ends = (_still(bound.proximal.matrix()), _still(bound.distal.matrix()))
-        return _Span((first, second), ends, t, None), twin
-    rows = np.flatnonzero((bound.t > 0.0) & (bound.t < 1.0) & (weight > 0.0))
-    swell = _swelling(body, (first, second), bound.at(rows), thetas) if steps > 1 else None
-    if swell is not None:
+    kind, swell, twin = DEFORMER_TYPES[deformer.type], None, np.zeros(len(weight))
+    if kind.swells and steps > 1:
+        share = kind.bone_shares(bound)[1]
+        rows = np.flatnonzero((share > 0.0) & (share < 1.0) & (weight > 0.0))
+        swell = _swelling(body, (first, second), kind, bound.at(rows), thetas)
         twin[rows] = swell.share
-    centre = _still(frame_from_landmarks(body.anatomy, deformer.frames[2], body.p).matrix())  # y along the limb
-    return _Span((first, second), (centre, centre), t, swell), twin
+    return _Span((first, second), ends, np.arange(1, steps) / steps, swell), twin
 
 
-def _swelling(body: Body, bones: tuple[str, str], bound: BoundBend, thetas: Floats) -> _Swelling:
+def _swelling(body: Body, bones: tuple[str, str], kind: DeformerType, bound: Bound, thetas: Floats) -> _Swelling:
     """Shares that serve the poses (T, n) best."""
     picks = np.unique(np.linspace(0, len(thetas) - 1, min(_POSES, len(thetas))).round().astype(int))
     motions = [_motions(bones, bone_transforms(body, theta)) for theta in thetas[picks]]
-    gains = np.array([swelling(bound, moved) for moved in motions])
-    arm, axis = bound.skin.value - bound.centre.value, bound.axis.value[0]
-    reach = np.maximum(np.linalg.norm(np.cross(arm, axis), axis=1), 1e-6)
+    gains = np.array([kind.swelling(bound, moved) for moved in motions])
+    reach = np.maximum(kind.reach(bound), 1e-6)
     if np.abs(gains * reach).max(initial=0.0) < _NOTHING_M:
-        return _Swelling(bound, reach, np.zeros(len(reach)))
+        return _Swelling(kind, bound, reach, np.zeros(len(reach)))
     share = np.linalg.svd(gains * reach, full_matrices=False)[2][0] / reach
     share *= np.sign(share[np.abs(share * reach).argmax()])
-    return _Swelling(bound, reach, np.clip(share / max(float(share.max()), 1e-12), 0.0, 1.0))
+    return _Swelling(kind, bound, reach, np.clip(share / max(float(share.max()), 1e-12), 0.0, 1.0))
 
 
 def _motions(bones: tuple[str, str], transforms: dict[str, Floats]) -> tuple[Motion, Motion]:

@@ -21,7 +21,8 @@ s is how much the slices close up there: 0 on the outer side, 1 where they touch
 as far as a mitred corner reaches (m is about 1 / cos(|rho| / 2) - 1); beyond, where slices would pass through each
 other, a crease draws inwards instead. The two numbers are chosen by hand.
 
-Planes, slices and q do not depend on the pose: they are worked out once for a body (``bind_bend``).
+Planes, slices and q do not depend on the pose: they are worked out once for a body. Fitting runs the same equations as
+compiled loops: BENDING in ``adapt.model.hot.skin``.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame, Ints
 from adapt.model.deformers.between import blended_frames
+from adapt.model.deformers.deformer_type import DeformerType
 from adapt.model.frames import frame_from_landmarks
+from adapt.model.hot.layout import BENDING, Layout
 from adapt.model.variation import Motion, Points, compose, mere_points, move, still_points
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
@@ -62,48 +65,78 @@ class BoundBend:
         return BoundBend(*parts, self.centre, self.axis)
 
 
-def bind_bend(anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> BoundBend:
-    """Skin points at rest in the slices of a bend, with derivatives; ``frames`` are start, end and centre.
+class Bend(DeformerType):
+    """Skin about the joint of two bones; ``frames`` are the planes where the bend starts and ends, and the centre.
 
     Their y axes point from the first bone to the second: normals of the planes, and the limb's axis.
     """
-    start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
-    (a, da), (b, db) = _beyond(start, skin), _beyond(end, skin)
-    past, before = np.maximum(a, 0.0), np.maximum(-b, 0.0)
-    width = np.maximum(past + before, 1e-12)
-    t = past / width  # where neither plane has been passed, 0
-    middle = Points(centre.translation[None], centre.d_translation[None])
-    axis, d_axis = _y_axis(centre)
-    along = Points(axis[None], d_axis[None])
-    if skin.still and not p.d.any():  # then nothing varies at rest
-        none = np.zeros((1, 1))
-        return BoundBend(skin, t, width, none, none, still_points(middle.value), still_points(along.value))
-    d_past, d_before = da * (a > 0.0)[:, None], -db * (b < 0.0)[:, None]
-    dt = (before[:, None] * d_past - past[:, None] * d_before) / width[:, None] ** 2
-    return BoundBend(skin, t, width, dt, d_past + d_before, middle, along)
 
+    name = "bend"
+    bones = 2
+    frames = 3
+    swells = True
 
-def carry_bend(bound: BoundBend, motions: tuple[Motion, Motion]) -> Points:
-    """The bound points where the bend carries them, with derivatives."""
-    n = motions[0].n
-    value, d = np.zeros_like(bound.skin.value), np.zeros((*bound.skin.value.shape, n))
-    before, beyond = np.flatnonzero(bound.t == 0.0), np.flatnonzero(bound.t == 1.0)
-    bending = np.flatnonzero((bound.t > 0.0) & (bound.t < 1.0))
-    for rows, moved in (
-        (before, move(motions[0], bound.skin.at(before))),
-        (beyond, move(motions[1], bound.skin.at(beyond))),
-        (bending, _turned(bound.at(bending), motions)),
-    ):
-        value[rows], d[rows] = moved.value, moved.d
-    return Points(value, d)
+    def bind(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> BoundBend:
+        """Skin points at rest in the slices of a bend, with derivatives; ``frames`` are start, end and centre.
 
+        Their y axes point from the first bone to the second: normals of the planes, and the limb's axis.
+        """
+        start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
+        (a, da), (b, db) = _beyond(start, skin), _beyond(end, skin)
+        past, before = np.maximum(a, 0.0), np.maximum(-b, 0.0)
+        width = np.maximum(past + before, 1e-12)
+        t = past / width  # where neither plane has been passed, 0
+        middle = Points(centre.translation[None], centre.d_translation[None])
+        axis, d_axis = _y_axis(centre)
+        along = Points(axis[None], d_axis[None])
+        if skin.still and not p.d.any():  # then nothing varies at rest
+            none = np.zeros((1, 1))
+            return BoundBend(skin, t, width, none, none, still_points(middle.value), still_points(along.value))
+        d_past, d_before = da * (a > 0.0)[:, None], -db * (b < 0.0)[:, None]
+        dt = (before[:, None] * d_past - past[:, None] * d_before) / width[:, None] ** 2
+        return BoundBend(skin, t, width, dt, d_past + d_before, middle, along)
 
-def swelling(bound: BoundBend, motions: tuple[Motion, Motion]) -> Floats:
-    """k - 1 (N,) of the bound points: by how much of its distance from the limb's axis tissue evades outwards."""
-    u = bound.axis.value[0]
-    arm, bare = _squeezed(bound, _turn_at_rest(*motions)).value, bound.skin.value - bound.centre.value
-    across = bare - np.outer(bare @ u, u)
-    return np.asarray(np.einsum("ij,ij->i", arm - bare, across) / np.maximum((across**2).sum(axis=1), 1e-12))
+    def carry(self, bound: BoundBend, motions: tuple[Motion, ...]) -> Points:
+        """The bound points where the bend carries them, with derivatives."""
+        n = motions[0].n
+        value, d = np.zeros_like(bound.skin.value), np.zeros((*bound.skin.value.shape, n))
+        before, beyond = np.flatnonzero(bound.t == 0.0), np.flatnonzero(bound.t == 1.0)
+        bending = np.flatnonzero((bound.t > 0.0) & (bound.t < 1.0))
+        for rows, moved in (
+            (before, move(motions[0], bound.skin.at(before))),
+            (beyond, move(motions[1], bound.skin.at(beyond))),
+            (bending, _turned(bound.at(bending), motions)),
+        ):
+            value[rows], d[rows] = moved.value, moved.d
+        return Points(value, d)
+
+    def bone_shares(self, bound: BoundBend) -> tuple[Floats, ...]:
+        """1 - t and t."""
+        return 1.0 - bound.t, bound.t
+
+    def layout(self, bound: BoundBend) -> Layout:
+        """The points, their slices, and the joint's centre with no rotation, on either bone."""
+        still = np.zeros((3, 0))
+        centre = Motion(np.eye(3), bound.centre.value[0], still, still)
+        return Layout(BENDING, bound.skin.value, bound.t, bound.width, (centre, centre), bound.axis.value[0])
+
+    def turning_frames(
+        self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBend
+    ) -> tuple[Motion, Motion]:
+        """The frame at the joint's centre, on either bone."""
+        centre = frame_from_landmarks(anatomy, frames[2], p)
+        return centre, centre
+
+    def swelling(self, bound: BoundBend, motions: tuple[Motion, Motion]) -> Floats:
+        """k - 1 (N,) of the bound points: by how much of its distance from the limb's axis tissue evades outwards."""
+        u = bound.axis.value[0]
+        arm, bare = _squeezed(bound, _turn_at_rest(*motions)).value, bound.skin.value - bound.centre.value
+        across = bare - np.outer(bare @ u, u)
+        return np.asarray(np.einsum("ij,ij->i", arm - bare, across) / np.maximum((across**2).sum(axis=1), 1e-12))
+
+    def reach(self, bound: BoundBend) -> Floats:
+        """The distance (N,) m of each bound point from the limb's axis through the joint's centre."""
+        return np.asarray(np.linalg.norm(np.cross(bound.skin.value - bound.centre.value, bound.axis.value[0]), axis=1))
 
 
 def _beyond(plane: Motion, skin: Points) -> tuple[Floats, Floats]:

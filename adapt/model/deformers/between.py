@@ -1,4 +1,4 @@
-"""The frames that stand between two others: origins blended linearly, rotations by SLERP."""
+"""The frames that stand between two others: origins blended linearly, rotations by SLERP; and skin bound to them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapt.anatomy import Floats
-from adapt.model.variation import Motion
+from adapt.anatomy import Floats, Ints
+from adapt.model.variation import Motion, Points, compose, mere_points, still_points
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
 
@@ -49,6 +49,54 @@ def blended_frames(proximal: Motion, distal: Motion, t: Floats, dt: Floats) -> B
     )
     by_t = dt[:, None, :]
     return BlendedFrames(origin, rotation, d_origin + span[:, None] * by_t, d_rotation + rho[:, None] * by_t)
+
+
+@dataclass(frozen=True)
+class BoundBetween:
+    """Skin at rest in its blended frames, and the two frames at rest.
+
+    ``t`` (N,) says how far on the way between the two each point is; ``dt`` (N, n) is its derivative, or (1, 1) where
+    it does not vary; ``local`` are the points' coordinates in the blended frames.
+    """
+
+    proximal: Motion
+    distal: Motion
+    t: Floats
+    dt: Floats
+    local: Points
+
+    def at(self, index: Ints | slice) -> BoundBetween:
+        """Some of the points."""
+        dt = self.dt if len(self.dt) == 1 else self.dt[index]
+        return BoundBetween(self.proximal, self.distal, self.t[index], dt, self.local.at(index))
+
+
+def bind_between(
+    proximal: Motion, distal: Motion, t: Floats, dt: Floats, skin: Points, *, varying: bool
+) -> BoundBetween:
+    """Skin points at rest in the frames between the two at ``t``; unless ``varying``, nothing varies at rest."""
+    frame = blended_frames(proximal, distal, t, dt)
+    reach = skin.value - frame.origin
+    local = np.einsum("nji,nj->ni", frame.rotation, reach)
+    if not varying:
+        return BoundBetween(proximal, distal, t, np.zeros((1, 1)), still_points(local))
+    moved = skin.d - frame.d_origin + np.matmul(hat(reach), frame.d_rotation)
+    d_local = np.matmul(np.swapaxes(frame.rotation, 1, 2), moved)
+    return BoundBetween(proximal, distal, t, dt, Points(local, d_local))
+
+
+def carry_between(bound: BoundBetween, motions: tuple[Motion, ...]) -> Points:
+    """The bound points where the frames carry them whose two ends ride on two bones, with derivatives."""
+    proximal, distal = compose(motions[0], bound.proximal), compose(motions[1], bound.distal)
+    frame = blended_frames(proximal, distal, bound.t, bound.dt)
+    arm = np.einsum("nij,nj->ni", frame.rotation, bound.local.value)
+    if not proximal.n:
+        return mere_points(arm + frame.origin)
+    d = np.matmul(hat(-arm), frame.d_rotation)
+    d += frame.d_origin
+    if not bound.local.still:
+        d += np.matmul(frame.rotation, bound.local.d)
+    return Points(arm + frame.origin, d)
 
 
 def _combined(shares: Floats, matrices: Floats) -> Floats:

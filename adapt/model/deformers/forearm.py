@@ -6,68 +6,52 @@ A proximal frame rides on the ulna, a distal one on the radius. Between them, at
     o(t) = (1 - t) o_p + t o_d,      R(t) = exp(t rho) R_p,   rho = log(R_d R_p^T)      (SLERP)
 
 and a point is carried by F_blend(theta, t) F_blend(rest, t)^-1, with its own t(v_tilde). What F_blend(rest, t)^-1
-makes of a point does not depend on the pose: it is worked out once for a body (``bind_forearm``).
+makes of a point does not depend on the pose: it is worked out once for a body. Fitting runs the same equations as
+compiled loops: TURNING in ``adapt.model.hot.skin``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Frame, Ints
-from adapt.model.deformers.between import blended_frames
+from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.model.deformers.between import BoundBetween, bind_between, carry_between
+from adapt.model.deformers.deformer_type import DeformerType
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.variation import Motion, Points, compose, mere_points, still_points
-from capture.rigid import hat
+from adapt.model.hot.layout import TURNING, Layout
+from adapt.model.variation import Motion, Points
 
 
-@dataclass(frozen=True)
-class BoundForearm:
-    """Skin at rest in its blended frames, and the two frames at rest.
+class Forearm(DeformerType):
+    """Skin that twists between two bones: ``frames[0]`` rides on the first (the ulna), ``frames[1]`` on the radius."""
 
-    ``t`` (N,) is the ramp along the forearm and ``dt`` (N, n) its derivative, or (1, 1) where it does not vary;
-    ``local`` are the points' coordinates in the blended frames.
-    """
+    name = "forearm"
+    bones = 2
+    frames = 2
 
-    proximal: Motion
-    distal: Motion
-    t: Floats
-    dt: Floats
-    local: Points
+    def bind(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> BoundBetween:
+        """Skin points at rest in the frames that stand between the two, with derivatives."""
+        proximal, distal = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
+        t, dt = _along(proximal, distal, skin)
+        return bind_between(proximal, distal, t, dt, skin, varying=not skin.still or bool(p.d.any()))
 
-    def at(self, index: Ints | slice) -> BoundForearm:
-        """Some of the points."""
-        dt = self.dt if len(self.dt) == 1 else self.dt[index]
-        return BoundForearm(self.proximal, self.distal, self.t[index], dt, self.local.at(index))
+    def carry(self, bound: BoundBetween, motions: tuple[Motion, ...]) -> Points:
+        """The bound points where the twisting forearm carries them, with derivatives."""
+        return carry_between(bound, motions)
 
+    def bone_shares(self, bound: BoundBetween) -> tuple[Floats, ...]:
+        """1 - t and t."""
+        return 1.0 - bound.t, bound.t
 
-def bind_forearm(anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> BoundForearm:
-    """Skin points at rest in the frames that stand between the two, with derivatives."""
-    proximal, distal = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
-    t, dt = _along(proximal, distal, skin)
-    frame = blended_frames(proximal, distal, t, dt)
-    reach = skin.value - frame.origin
-    local = np.einsum("nji,nj->ni", frame.rotation, reach)
-    if skin.still and not p.d.any():  # then nothing varies at rest
-        return BoundForearm(proximal, distal, t, np.zeros((1, 1)), still_points(local))
-    moved = skin.d - frame.d_origin + np.matmul(hat(reach), frame.d_rotation)
-    d_local = np.matmul(np.swapaxes(frame.rotation, 1, 2), moved)
-    return BoundForearm(proximal, distal, t, dt, Points(local, d_local))
+    def layout(self, bound: BoundBetween) -> Layout:
+        """The points in their blended frames, and the two frames."""
+        return Layout(TURNING, bound.local.value, bound.t, ends=(bound.proximal, bound.distal))
 
-
-def carry_forearm(bound: BoundForearm, motions: tuple[Motion, Motion]) -> Points:
-    """The bound points where the twisting forearm carries them, with derivatives."""
-    proximal, distal = compose(motions[0], bound.proximal), compose(motions[1], bound.distal)
-    frame = blended_frames(proximal, distal, bound.t, bound.dt)
-    arm = np.einsum("nij,nj->ni", frame.rotation, bound.local.value)
-    if not proximal.n:
-        return mere_points(arm + frame.origin)
-    d = np.matmul(hat(-arm), frame.d_rotation)
-    d += frame.d_origin
-    if not bound.local.still:
-        d += np.matmul(frame.rotation, bound.local.d)
-    return Points(arm + frame.origin, d)
+    def turning_frames(
+        self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBetween
+    ) -> tuple[Motion, Motion]:
+        """The proximal and the distal frame."""
+        return bound.proximal, bound.distal
 
 
 def _along(proximal: Motion, distal: Motion, skin: Points) -> tuple[Floats, Floats]:

@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.model.deformers.deformer_type import DeformerType
+from adapt.model.hot.layout import RIGID, Layout
 from adapt.model.variation import Motion, Points, move
 
 
-def rigid(motion: Motion, skin: Points) -> Points:
-    """Skin carried by one bone."""
-    return move(motion, skin)
+class Rigid(DeformerType):
+    """Skin that rides on one bone."""
+
+    name = "rigid"
+    bones = 1
+
+    def bind(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Points:
+        """The points as they are."""
+        return skin
+
+    def carry(self, bound: Points, motions: tuple[Motion, ...]) -> Points:
+        """The points carried by the bone."""
+        return move(motions[0], bound)
+
+    def bone_shares(self, bound: Points) -> tuple[Floats, ...]:
+        """All of each point."""
+        return (np.ones(len(bound.value)),)
+
+    def layout(self, bound: Points) -> Layout:
+        """The points themselves."""
+        return Layout(RIGID, bound.value)

@@ -8,12 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.model.deformers import Bound
-from adapt.model.deformers.bend import BoundBend
-from adapt.model.deformers.forearm import BoundForearm
+from adapt.model.deformers import DEFORMER_TYPES, Bound
 from adapt.model.hot.chain import Chain
 from adapt.model.hot.rows import Row
-from adapt.model.hot.skin import BEND, FOREARM, RIGID, BoundSkin
+from adapt.model.hot.skin import BoundSkin
 from adapt.model.joints import JOINT_TYPES
 from adapt.model.variation import Points, constant_points
 
@@ -55,16 +53,12 @@ def prepare_skin(anatomy: Anatomy, bound: Sequence[Bound]) -> BoundSkin:
         frame_translation=np.zeros((count, 2, 3)),
         axis=np.zeros((count, 3)),
     )
-    for d, one in enumerate(bound):
-        if isinstance(one, Points):
-            skin.kind[d], skin.local[d] = RIGID, one.value
-        elif isinstance(one, BoundForearm):
-            skin.kind[d], skin.local[d], skin.t[d] = FOREARM, one.local.value, one.t
-            for end, frame in enumerate((one.proximal, one.distal)):
-                skin.frame_rotation[d, end], skin.frame_translation[d, end] = frame.rotation, frame.translation
-        elif isinstance(one, BoundBend):
-            skin.kind[d], skin.local[d], skin.t[d], skin.width[d] = BEND, one.skin.value, one.t, one.width
-            skin.frame_translation[d], skin.axis[d] = one.centre.value[0], one.axis.value[0]
+    for d, (deformer, one) in enumerate(zip(anatomy.deformers, bound, strict=True)):
+        laid = DEFORMER_TYPES[deformer.type].layout(one)
+        skin.kind[d], skin.local[d], skin.t[d], skin.width[d] = laid.kind, laid.local, laid.t, laid.width
+        skin.axis[d] = laid.axis
+        for end, frame in enumerate(laid.ends):
+            skin.frame_rotation[d, end], skin.frame_translation[d, end] = frame.rotation, frame.translation
     return skin
 
 

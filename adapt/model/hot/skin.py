@@ -9,16 +9,16 @@ import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.hot.chain import Bones, Chain, move_bones
+from adapt.model.hot.layout import BENDING, RIGID, TURNING
 from adapt.model.hot.rotations import add_cross, add_product, inverse_left_jacobian, length, log, turn
 from capture.compiled import compiled
 from capture.rigid import hat, log_so3
 
-RIGID, FOREARM, BEND = 0, 1, 2
 _ONSET, _CREASE = 0.09, 0.3  # of adapt.model.deformers.bend
 
 
 class BoundSkin(NamedTuple):
-    """V vertices at rest as each of D deformers wants them: see the fields of BoundForearm and BoundBend."""
+    """V vertices at rest as each of D deformers wants them: see ``Layout``."""
 
     kind: Ints  # (D,)
     bones: Ints  # (D, 2)
@@ -49,7 +49,7 @@ def pose_rows(chain: Chain, skin: BoundSkin, theta: Floats, rows: Ints, *, varyi
     bones = move_bones(chain, theta)
     value, d = np.zeros((len(rows), 3)), np.zeros((len(rows) if varying else 0, 3, len(theta)))
     for deformer, kind in enumerate(skin.kind):
-        if kind != FOREARM:
+        if kind != TURNING:
             _add_rigid(bones, skin, deformer, rows, value, d)
         if kind != RIGID:
             _add_between(_between(bones, skin, deformer), skin, deformer, rows, value, d)
@@ -85,7 +85,7 @@ def _add_rigid(bones: Bones, skin: BoundSkin, deformer: int, rows: Ints, value: 
 def _add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
     """Rows that ride on the frames between two bones."""
     origin, spin, glide, angle = g.origin, g.d_rotation, g.d_origin, g.angle_and_mitre[0]
-    bend = skin.kind[deformer] == BEND
+    bend = skin.kind[deformer] == BENDING
     blended, arm, across = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     by_reach, by_mitre = 0.0, 0.0
     for m in range(len(rows)):
@@ -172,7 +172,7 @@ def _between(bones: Bones, skin: BoundSkin, deformer: int) -> Between:
     add_product(bones.rotation[second], skin.frame_rotation[deformer, 1], ends[1])
     add_product(ends[1], np.ascontiguousarray(ends[0].T), ends[2])
     _fill_rotations(bones.d_rotation[first], bones.d_rotation[second], ends, g, np.zeros(3), np.zeros((3, 3)))
-    if skin.kind[deformer] == BEND:
+    if skin.kind[deformer] == BENDING:
         _fill_bend(bones.rotation[first], bones.d_rotation[first], skin.axis[deformer], ends[2], g)
     return g
 
