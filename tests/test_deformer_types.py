@@ -34,6 +34,7 @@ EXAMPLES = {
     "rigid": (("fore",), ()),
     "forearm": (("fore", "spin"), (ULNA, WRIST)),
     "bend": (("upper", "fore"), (START, END, BENT)),
+    "halfway": (("upper", "fore"), (BENT, ULNA)),
 }
 ABOUT_ELBOW = np.array([[0.03, -0.31, 0.01], [0.06, -0.33, 0.03], [0.1, -0.36, 0.02], [-0.02, -0.29, 0.0]])
 

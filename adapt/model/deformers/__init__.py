@@ -11,6 +11,7 @@ from adapt.anatomy import Anatomy, Deformer, Floats
 from adapt.model.deformers.bend import Bend
 from adapt.model.deformers.deformer_type import Bound, DeformerType
 from adapt.model.deformers.forearm import Forearm
+from adapt.model.deformers.halfway import Halfway
 from adapt.model.deformers.rigid import Rigid
 from adapt.model.variation import Motion, Points
 
@@ -18,6 +19,7 @@ _TYPES: tuple[DeformerType, ...] = (
     Rigid(),
     Forearm(),
     Bend(),
+    Halfway(),
 )
 DEFORMER_TYPES = {each.name: each for each in _TYPES}
 """Every type of deformer by the name that an anatomy gives it."""
