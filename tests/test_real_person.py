@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.build.meshes import Mesh
+from adapt.template_builder.meshes import Mesh
 from capture.rigid import apply, exp_so3, transform
 from capture.simulation.simulate import box_mesh
 from track.evaluation.experiments.real_motion import depths_mm

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
-from adapt.build.meshes import Mesh
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import pose_skin, posed_bones
 from adapt.subject import Subject, load_subject, save_subject
+from adapt.template_builder.meshes import Mesh
 from capture.errors import BonetrackError
 from capture.recording import Recording
 from capture.rigid import apply

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
-from adapt.build.meshes import Mesh, largest_part
 from adapt.fit.recording import adapt_recording
 from adapt.subject import Subject, load_subject, save_subject
+from adapt.template_builder.meshes import Mesh, largest_part
 from capture.errors import BonetrackError
 from capture.recording import Recording
 from capture.rigid import apply, exp_so3, transform

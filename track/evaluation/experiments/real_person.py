@@ -21,7 +21,6 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, load_anatomy
-from adapt.build.meshes import Mesh, largest_part
 from adapt.fit.alternate import adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
@@ -29,6 +28,7 @@ from adapt.fit.sample import sample_skin
 from adapt.fit.start import find_pose
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.shape.handle_space import affine_set
+from adapt.template_builder.meshes import Mesh, largest_part
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import instants
 from capture.rigid import apply, inverse, transform

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.build.meshes import Mesh, compacted
 from adapt.mirror import mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.surface import incidence, vertex_normals
+from adapt.template_builder.meshes import Mesh, compacted
 from track.evaluation.holes import closed
 from track.evaluation.performance import Performance
 from track.evaluation.trials.recorded import Made, performance_of, record

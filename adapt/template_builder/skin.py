@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.build.meshes import Mesh, boundary_loop, compacted, isotropic
+from adapt.template_builder.meshes import Mesh, boundary_loop, compacted, isotropic
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

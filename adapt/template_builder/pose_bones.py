@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
-from adapt.build.meshes import Mesh
-from adapt.build.sources_myosim import SourceSkeleton
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.sources_myosim import SourceSkeleton
 from capture.rigid import exp_so3
 
 Floats = NDArray[np.float64]

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Bone, Coordinate, Handle
-from adapt.build.bones import bone_surface, envelope
-from adapt.build.landmarks import landmarks_of, point_on_body
-from adapt.build.meshes import Mesh
-from adapt.build.plan import LimbPlan
-from adapt.build.pose_bones import Placement
-from adapt.build.skin import evened, height_in, smooth_limb
-from adapt.build.sources_makehuman import load_skin
-from adapt.build.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, shifted
-from adapt.build.tetrahedra import TetMesh, evaluate, tetrahedralised, with_corners_at
-from adapt.build.weights import bounded_biharmonic, normalised
+from adapt.template_builder.bones import bone_surface, envelope
+from adapt.template_builder.landmarks import landmarks_of, point_on_body
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.plan import LimbPlan
+from adapt.template_builder.pose_bones import Placement
+from adapt.template_builder.skin import evened, height_in, smooth_limb
+from adapt.template_builder.sources_makehuman import load_skin
+from adapt.template_builder.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, shifted
+from adapt.template_builder.tetrahedra import TetMesh, evaluate, tetrahedralised, with_corners_at
+from adapt.template_builder.weights import bounded_biharmonic, normalised
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -16,10 +16,10 @@ from math import pi, radians
 import numpy as np
 
 from adapt.anatomy import Coordinate, Deformer, Frame, Joint
-from adapt.build.coupled_joint import child_in_parent
-from adapt.build.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
-from adapt.build.lower_limb_pose import ALIGNMENT, BODIES, METATARSAL_HEADS, TOES, pose_lower_limb
-from adapt.build.plan import (
+from adapt.template_builder.coupled_joint import child_in_parent
+from adapt.template_builder.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
+from adapt.template_builder.lower_limb_pose import ALIGNMENT, BODIES, METATARSAL_HEADS, TOES, pose_lower_limb
+from adapt.template_builder.plan import (
     AxisPlan,
     BonePlan,
     HandlePlan,
@@ -30,9 +30,9 @@ from adapt.build.plan import (
     SkinPlan,
     SplinePlan,
 )
-from adapt.build.skin import Cut
-from adapt.build.sources_myosim import Follow
-from adapt.build.upper_limb import SKIN as UPPER_LIMB_SKIN
+from adapt.template_builder.skin import Cut
+from adapt.template_builder.sources_myosim import Follow
+from adapt.template_builder.upper_limb import SKIN as UPPER_LIMB_SKIN
 
 SKIN = SkinPlan(
     # One body for all limbs, but for its knees: MakeHuman's shank is long and its thigh short. With these two targets

@@ -10,7 +10,7 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.build.tetrahedra import TetMesh
+from adapt.template_builder.tetrahedra import TetMesh
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

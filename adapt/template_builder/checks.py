@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Joint
-from adapt.build.meshes import Mesh
-from adapt.build.plan import LimbPlan
-from adapt.build.pose_bones import source_at
-from adapt.build.sources_myosim import SourceSkeleton
-from adapt.build.tetrahedra import TetMesh
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.frames import frame_from_landmarks
 from adapt.model.handles import deform, handle_positions
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import is_free
 from adapt.model.shape.handle_space import AffineSet, affine_set
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.plan import LimbPlan
+from adapt.template_builder.pose_bones import source_at
+from adapt.template_builder.sources_myosim import SourceSkeleton
+from adapt.template_builder.tetrahedra import TetMesh
 from capture.errors import AnatomyError
 from capture.rigid import rotation_angle
 

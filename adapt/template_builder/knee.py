@@ -8,7 +8,7 @@ are OpenSim's: X forward, Y up, Z right. Flexion is positive, 0 is the straight 
 
 from __future__ import annotations
 
-from adapt.build.coupled_joint import CoupledJoint, Curve, Guides
+from adapt.template_builder.coupled_joint import CoupledJoint, Curve, Guides
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 _ORIENTATION = (-1.64157, 1.44618, 1.5708)

@@ -11,9 +11,19 @@ from __future__ import annotations
 from math import pi, radians
 
 from adapt.anatomy import Coordinate, Deformer, Frame, Joint
-from adapt.build.plan import AxisPlan, BonePlan, Cushion, HandlePlan, HeldPart, LimbPlan, PointPlan, RampPlan, SkinPlan
-from adapt.build.skin import Cut
-from adapt.build.upper_limb_pose import BODIES, CARPALS, FINGERS, pose_upper_limb
+from adapt.template_builder.plan import (
+    AxisPlan,
+    BonePlan,
+    Cushion,
+    HandlePlan,
+    HeldPart,
+    LimbPlan,
+    PointPlan,
+    RampPlan,
+    SkinPlan,
+)
+from adapt.template_builder.skin import Cut
+from adapt.template_builder.upper_limb_pose import BODIES, CARPALS, FINGERS, pose_upper_limb
 
 _HAND = CARPALS + tuple(body for finger in FINGERS.values() for body in finger)
 

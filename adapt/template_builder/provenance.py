@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Anatomy
-from adapt.build.checks import Check
-from adapt.build.plan import LimbPlan
-from adapt.build.sources_makehuman import PACKAGE as SKIN_PACKAGE
-from adapt.build.sources_myosim import MODEL, PACKAGE
+from adapt.template_builder.checks import Check
+from adapt.template_builder.plan import LimbPlan
+from adapt.template_builder.sources_makehuman import PACKAGE as SKIN_PACKAGE
+from adapt.template_builder.sources_myosim import MODEL, PACKAGE
 from capture.files import replaced_when_complete
 
 
@@ -39,7 +39,7 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
     return f"""# {plan.name}
 
-Built by `python -m adapt.build {plan.name}` on {date.today().isoformat()}.
+Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoformat()}.
 
 ## Sources
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from adapt.anatomy import Coordinate, Deformer, Floats, Frame, Joint
-from adapt.build.coupled_joint import CoupledJoint, Guides, spline_joint
-from adapt.build.meshes import Mesh
-from adapt.build.pose_bones import Placement
-from adapt.build.skin import Cut
-from adapt.build.sources_makehuman import SourceSkin
-from adapt.build.sources_myosim import Follow, Piece, SourceSkeleton
+from adapt.template_builder.coupled_joint import CoupledJoint, Guides, spline_joint
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.pose_bones import Placement
+from adapt.template_builder.skin import Cut
+from adapt.template_builder.sources_makehuman import SourceSkin
+from adapt.template_builder.sources_myosim import Follow, Piece, SourceSkeleton
 
 Vector = tuple[float, float, float]
 

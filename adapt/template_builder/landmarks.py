@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.build.plan import AxisPlan, LimbPlan, PointPlan
-from adapt.build.pose_bones import Placement
-from adapt.build.sources_myosim import SourceSkeleton
+from adapt.template_builder.plan import AxisPlan, LimbPlan, PointPlan
+from adapt.template_builder.pose_bones import Placement
+from adapt.template_builder.sources_myosim import SourceSkeleton
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3
 

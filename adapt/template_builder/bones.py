@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapt.build.meshes import Mesh, joined, largest_part, level_set, parts_of, simplified
-from adapt.build.plan import BonePlan
-from adapt.build.pose_bones import Placement
-from adapt.build.sources_myosim import SourceSkeleton
+from adapt.template_builder.meshes import Mesh, joined, largest_part, level_set, parts_of, simplified
+from adapt.template_builder.plan import BonePlan
+from adapt.template_builder.pose_bones import Placement
+from adapt.template_builder.sources_myosim import SourceSkeleton
 from capture.errors import AnatomyError
 
 

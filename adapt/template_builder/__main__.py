@@ -1,4 +1,4 @@
-"""``python -m adapt.build upper-limb-right``: build a template, check it, and write it where the package looks."""
+"""``python -m adapt.template_builder NAME``: build a template, check it, and write it where the package looks."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 
 from adapt.anatomy import load_anatomy, save_anatomy
-from adapt.build.assemble import build_anatomy, source_of
-from adapt.build.checks import Check, all_checks, require
-from adapt.build.lower_limb import LOWER_LIMB_RIGHT
-from adapt.build.plan import LimbPlan
-from adapt.build.provenance import write_provenance
-from adapt.build.upper_limb import UPPER_LIMB_RIGHT
+from adapt.template_builder.assemble import build_anatomy, source_of
+from adapt.template_builder.checks import Check, all_checks, require
+from adapt.template_builder.lower_limb import LOWER_LIMB_RIGHT
+from adapt.template_builder.plan import LimbPlan
+from adapt.template_builder.provenance import write_provenance
+from adapt.template_builder.upper_limb import UPPER_LIMB_RIGHT
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 

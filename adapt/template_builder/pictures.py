@@ -1,4 +1,4 @@
-"""Pictures of a template: ``python -m adapt.build.pictures upper-limb-right --out DIR`` (needs a display or Xvfb)."""
+"""Pictures of a template: ``python -m adapt.template_builder.pictures NAME --out DIR`` (needs a display or Xvfb)."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from adapt.build.meshes import Mesh
+from adapt.template_builder.meshes import Mesh
 from capture.errors import AnatomyError
 
 Floats = NDArray[np.float64]

@@ -12,8 +12,8 @@ from math import log, radians
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.build.meshes import Mesh
-from adapt.build.pose_bones import (
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.pose_bones import (
     ROOT,
     DepthTarget,
     DirectionTarget,
@@ -25,8 +25,8 @@ from adapt.build.pose_bones import (
     fit_pose,
     placed_bodies,
 )
-from adapt.build.sources_makehuman import SourceSkin
-from adapt.build.sources_myosim import SourceBody, SourceSkeleton
+from adapt.template_builder.sources_makehuman import SourceSkin
+from adapt.template_builder.sources_myosim import SourceBody, SourceSkeleton
 from capture.rigid import log_so3
 
 Floats = NDArray[np.float64]

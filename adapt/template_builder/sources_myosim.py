@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.build.meshes import Mesh, joined, parts_of
+from adapt.template_builder.meshes import Mesh, joined, parts_of
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3
 

@@ -11,8 +11,8 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.build.meshes import Mesh
-from adapt.build.pose_bones import (
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.pose_bones import (
     DepthTarget,
     Placement,
     PoseProblem,
@@ -22,8 +22,8 @@ from adapt.build.pose_bones import (
     fit_pose,
     placed_bodies,
 )
-from adapt.build.sources_makehuman import SourceSkin
-from adapt.build.sources_myosim import Piece, SourceHinge, SourceSkeleton
+from adapt.template_builder.sources_makehuman import SourceSkin
+from adapt.template_builder.sources_myosim import Piece, SourceHinge, SourceSkeleton
 
 Floats = NDArray[np.float64]
 
