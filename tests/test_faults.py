@@ -14,7 +14,7 @@ from tests.known_limb import FRAMES
 from track.evaluation.experiments import faults
 from track.evaluation.experiments.faults import EXPERIMENT, FAULTS, LIMBS, Scene, person
 from track.evaluation.known import KnownRecording
-from track.evaluation.performance import Performance
+from track.simulation.performance import Performance
 
 
 @pytest.fixture

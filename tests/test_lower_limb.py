@@ -16,7 +16,7 @@ from adapt.template_builder.skin import Cut, evened, height_in
 from adapt.template_builder.sources_myosim import Follow, Piece, SourceBody, SourceHinge, SourceSkeleton, in_pieces
 from capture.rigid import apply, exp_so3, transform
 from tests.test_template import sphere
-from track.evaluation.performance import motion_names, perform
+from track.evaluation.made_up_motions import motion_names, perform
 
 
 @pytest.fixture(scope="module")

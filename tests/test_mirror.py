@@ -32,7 +32,8 @@ from capture.rigid import apply, exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_leg import toy_leg
 from track.angles import thoraco_humeral
-from track.evaluation.performance import motion_names, perform, random_body
+from track.evaluation.made_up_motions import motion_names, perform
+from track.evaluation.random_bodies import random_body
 
 LEFT = "upper-limb-left"
 REFLECTION = np.diag([1.0, 1.0, -1.0, 1.0])

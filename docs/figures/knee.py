@@ -29,8 +29,8 @@ from adapt.template_builder.sources_myosim import SourceBody
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.rigid import apply, inverse
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.bones import FIGURE_7
-from track.evaluation.errors import distance_to_mesh
 from track.view.render import BONE, Layer, framing_camera, look_at, render, save_png
 
 Floats = NDArray[np.float64]

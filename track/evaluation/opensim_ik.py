@@ -32,25 +32,19 @@ from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
 from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
+from track.accuracy.truth import Truth, read_truth, world_from_common
 from track.evaluation.benchmark.timing import hold_to_one_thread
-from track.evaluation.errors import Truth, read_truth, world_from_common
+from track.evaluation.made_up_motions import FPS, motion_names, motion_spans, perform, perform_tables
 from track.evaluation.markers import MarkerSet, marker_set, marker_trial, markers_at_rest, misplaced
 from track.evaluation.opensim_tools import OpenSimError, opensim, replayed, scaled_model, solve_kinematics
-from track.evaluation.performance import (
-    FPS,
-    Performance,
-    motion_names,
-    motion_spans,
-    perform,
-    perform_tables,
-    random_body,
-)
 from track.evaluation.protocol import NOISES, calibrated
+from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import Reconstruction, differences, reconstruction_of_poses
-from track.evaluation.simulate import simulate_performance
 from track.export.osim import write_osim
 from track.motion import Motion, load_motion
 from track.run import track_recording
+from track.simulation.performance import Performance
+from track.simulation.simulate import simulate_performance
 
 Bools = NDArray[np.bool_]
 

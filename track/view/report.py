@@ -15,8 +15,8 @@ from adapt.subject import Subject, doubts
 from capture.own import HTML, refuse_foreign, replaced_if_own
 from capture.recording import Recording
 from capture.settings import sensors_in_words, version_of, versions
+from track.accuracy.errors import Evaluation, evaluate_motion
 from track.belonging import tracked_elsewhere
-from track.evaluation.errors import Evaluation, evaluate_motion
 from track.motion import Motion
 from track.poses_by_hand import UNITS, as_shown
 from track.view.measures import Girth, girths, lengths

@@ -24,12 +24,14 @@ from capture.recording import FrameFile, Recording, open_recording
 from capture.recording.depth_png import Readings, read_readings, write_readings
 from capture.rigid import apply
 from capture.simulation.simulate import Ints, RigSensor, SensorRig, box_mesh, default_rig, simulate_recording
-from track.evaluation.errors import Evaluation, evaluate_motion
+from track.accuracy.errors import Evaluation, evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, KnownRecording, record_known
-from track.evaluation.performance import Performance, perform, random_body
+from track.evaluation.made_up_motions import perform
+from track.evaluation.random_bodies import random_body
 from track.motion import Motion
 from track.run import track_recording
+from track.simulation.performance import Performance
 
 _SECONDS = 3.5
 _SEED = 7

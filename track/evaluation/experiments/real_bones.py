@@ -15,7 +15,7 @@ from adapt.anatomy import Anatomy, Bone, load_anatomy
 from adapt.model.handles import d_deform_d_shape, deform, handle_positions
 from adapt.model.surface import submesh
 from adapt.template_builder.meshes import Mesh
-from track.evaluation.errors import distance_to_mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.surface_fit import (
     Family,

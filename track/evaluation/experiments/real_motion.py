@@ -17,7 +17,7 @@ from adapt.template_builder.meshes import Mesh, largest_part
 from capture.errors import BonetrackError
 from capture.recording import Recording
 from capture.rigid import apply, exp_so3, transform
-from track.evaluation.errors import distance_to_mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.experiments import real_person
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
@@ -37,7 +37,7 @@ from track.evaluation.experiments.real_person import (
 from track.evaluation.experiments.surface_fit import greatest_length, read_mesh
 from track.evaluation.jointed import Jointed, Turn, heat_weights, shared_along
 from track.evaluation.known import record_meshes
-from track.evaluation.performance import FPS
+from track.evaluation.made_up_motions import FPS
 from track.evaluation.swing import Swing, times_and_phase
 from track.motion import Motion
 from track.run import track_recording

@@ -32,8 +32,8 @@ from adapt.template_builder.meshes import Mesh, largest_part
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import instants
 from capture.rigid import apply, inverse, transform
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation import known
-from track.evaluation.errors import distance_to_mesh
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.surface_fit import fit_family, greatest_length, read_mesh, rigid
 from track.evaluation.holes import closed

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adapt.model.body import pose_skin
 from adapt.own_anatomy import kept_anatomy
 from capture.recording import Recording
 from capture.simulation.sensor import NoiseModel
 from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
-from track.evaluation.performance import Performance
-from track.evaluation.things import Thing, faces_with_things, skin_and_things
 from track.motion import coordinate_names
+from track.simulation.performance import Performance
 
 
 def simulate_performance(
@@ -24,11 +25,10 @@ def simulate_performance(
     noise: NoiseModel | None = None,
     rig: SensorRig | None = None,
     seed: int = 0,
-    things: Sequence[Thing] = (),
     overwrite: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Recording:
-    """Record a performance, and ``things`` besides; ``truth.npz`` then also holds the body and its poses.
+    """Record a performance; ``truth.npz`` then also holds the body and its poses.
 
     Without a ``rig``, the sensors are placed as ``performance_rig`` does.
 
@@ -36,7 +36,24 @@ def simulate_performance(
         RecordingError: see ``capture.simulation.simulate.simulate_recording``.
     """
     body = performance.body
-    truth = {
+    return simulate_recording(
+        out,
+        (pose_skin(body, theta) for theta in performance.thetas),
+        body.anatomy.skin_faces,
+        performance.times.tolist(),
+        rig=performance_rig(performance, seed=seed) if rig is None else rig,
+        noise=noise,
+        seed=seed,
+        truth=truth_of(performance),
+        overwrite=overwrite,
+        progress=progress,
+    )
+
+
+def truth_of(performance: Performance) -> dict[str, NDArray[Any]]:
+    """What ``truth.npz`` holds of a performance, by name: ``track.accuracy.truth`` reads it."""
+    body = performance.body
+    return {
         "anatomy": np.array(body.anatomy.name),
         "coordinates": np.array(coordinate_names(body.anatomy)),
         "theta": performance.thetas,
@@ -44,18 +61,6 @@ def simulate_performance(
         "displacement": (body.v_hat - body.anatomy.skin_vertices).astype(np.float32),
         **kept_anatomy(body.anatomy),
     }
-    return simulate_recording(
-        out,
-        (skin_and_things(body, theta, things) for theta in performance.thetas),
-        faces_with_things(body, things),
-        performance.times.tolist(),
-        rig=performance_rig(performance, seed=seed) if rig is None else rig,
-        noise=noise,
-        seed=seed,
-        truth=truth,
-        overwrite=overwrite,
-        progress=progress,
-    )
 
 
 def performance_rig(
