@@ -19,8 +19,9 @@ from capture.camera import Camera
 from capture.cloud.fuse import Cloud, View, fuse, region_of_interest, view_points
 from capture.recording import Recording, Region, instants, open_recording
 from capture.rigid import inverse
+from capture.simulation.ray_casting import cast, scene_of
+from capture.simulation.rig import default_rig
 from capture.simulation.sensor import carmine_camera
-from capture.simulation.simulate import cast, default_rig, scene_of
 from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.known import carried
 from track.evaluation.random_bodies import random_body

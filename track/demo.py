@@ -25,8 +25,8 @@ from track.accuracy.commands import print_evaluation
 from track.accuracy.errors import MARK as EVALUATION_MARK
 from track.accuracy.errors import evaluate_motion, write_evaluation
 from track.accuracy.truth import read_truth
-from track.commands import print_motion
 from track.motion import Motion
+from track.motion_summary import print_motion
 from track.run import track_recording
 from track.view.charts import plot_angles
 from track.view.pictures import picture_fit

@@ -27,7 +27,7 @@ from adapt.model.body import joint_centres as centres_of
 from adapt.subject import Subject, load_subject
 from capture.camera import project
 from capture.cloud.fuse import Cloud, View, fuse
-from capture.commands import as_region
+from capture.commands.region_options import as_region
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.recording import Recording, instants, open_recording

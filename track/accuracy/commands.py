@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from capture.console import stdout
+
+if TYPE_CHECKING:
+    from track.accuracy.errors import Evaluation
 
 _PATH = click.Path(path_type=Path)
 
@@ -35,7 +39,7 @@ def evaluate_command(motion: Path, truth: Path, subject: Path, out: Path | None)
         write_evaluation(evaluation, out)
 
 
-def print_evaluation(evaluation) -> None:  # type: ignore[no-untyped-def]
+def print_evaluation(evaluation: Evaluation) -> None:
     """The error table."""
     from rich.table import Table
 

@@ -17,8 +17,9 @@ from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.recording import Calibration, Recording, instants, open_recording
 from capture.rigid import inverse
+from capture.simulation.rig import SensorRig, default_rig
 from capture.simulation.sensor import NoiseModel, carmine
-from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
+from capture.simulation.simulate import simulate_recording
 from track.accuracy.truth import read_truth, world_from_common, world_of_sensors
 from track.evaluation.things import Thing, simulate_with_things
 from track.simulation.performance import Performance

@@ -14,8 +14,9 @@ from adapt.model.handles import deform, handle_positions
 from capture._open3d import open3d
 from capture.recording import Recording
 from capture.rigid import apply, transform
+from capture.simulation.rig import RigSensor, SensorRig, box_mesh
 from capture.simulation.sensor import NoiseModel
-from capture.simulation.simulate import RigSensor, SensorRig, box_mesh, simulate_recording
+from capture.simulation.simulate import simulate_recording
 from track.simulation.performance import Performance
 from track.simulation.simulate import performance_rig, truth_of
 

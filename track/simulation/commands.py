@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from capture.console import stdout
+
+if TYPE_CHECKING:
+    from track.simulation.performance import Performance
 
 _PATH = click.Path(path_type=Path)
 
@@ -31,8 +35,8 @@ def simulate_command(
     overwrite: bool,
 ) -> None:
     """Make the recording that two depth sensors would have made of a moving mesh or subject."""
+    from capture.simulation.mesh_file import simulate_mesh_file
     from capture.simulation.sensor import NoiseModel, carmine
-    from capture.simulation.simulate import simulate_mesh_file
 
     if (mesh is None) == (anatomy is None) or (anatomy is None) != (motion is None):
         raise click.UsageError("give either --mesh, or --anatomy with --motion")
@@ -55,7 +59,7 @@ def simulate_command(
     stdout.print(f"{frames} frames by {len(recording.sensors)} sensors written to {out}")
 
 
-def _performance(anatomy: str, motion: Path, subject: Path | None):  # type: ignore[no-untyped-def]
+def _performance(anatomy: str, motion: Path, subject: Path | None) -> Performance:
     from adapt.anatomy import load_anatomy
     from adapt.model.body import make_body
     from adapt.subject import load_subject

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from adapt.model.body import pose_skin
 from adapt.own_anatomy import kept_anatomy
 from capture.recording import Recording
+from capture.simulation.rig import SensorRig, default_rig
 from capture.simulation.sensor import NoiseModel
-from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
+from capture.simulation.simulate import simulate_recording
 from track.motion import coordinate_names
 from track.simulation.performance import Performance
 

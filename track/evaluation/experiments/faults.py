@@ -23,7 +23,8 @@ from capture.errors import BonetrackError
 from capture.recording import FrameFile, Recording, open_recording
 from capture.recording.depth_png import Readings, read_readings, write_readings
 from capture.rigid import apply
-from capture.simulation.simulate import Ints, RigSensor, SensorRig, box_mesh, default_rig, simulate_recording
+from capture.simulation.rig import Ints, RigSensor, SensorRig, box_mesh, default_rig
+from capture.simulation.simulate import simulate_recording
 from track.accuracy.errors import Evaluation, evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, KnownRecording, record_known

@@ -14,7 +14,7 @@ from adapt.model.body import joint_centres
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import BonetrackError
 from capture.recording import Calibration, Recording
-from capture.simulation.simulate import SensorRig
+from capture.simulation.rig import SensorRig
 from track.accuracy.errors import evaluate_motion
 from track.evaluation.experiments.bend_and_twist import errors_by_kind
 from track.evaluation.experiments.drawing import new_figure, save_figure

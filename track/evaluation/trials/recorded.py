@@ -12,7 +12,8 @@ from adapt.anatomy import Floats, Ints, load_anatomy
 from adapt.model.body import Body, pose_skin
 from adapt.model.size import resized
 from capture.recording import open_recording
-from capture.simulation.simulate import SensorRig, simulate_recording
+from capture.simulation.rig import SensorRig
+from capture.simulation.simulate import simulate_recording
 from track.accuracy.truth import Truth, read_truth
 from track.evaluation.made_up_motions import perform
 from track.evaluation.random_bodies import random_body

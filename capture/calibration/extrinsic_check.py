@@ -45,7 +45,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Apart:
+class CloudOffset:
     """By how much one sensor's clouds must be moved to lie on another's: distance and standard deviation (m)."""
 
     distance_m: float
@@ -62,7 +62,7 @@ def surface(depth: Image, camera: Camera) -> Surface:
     return Surface(camera, points[plain], normals[plain], depth, inner)
 
 
-def apart(pairs: Sequence[tuple[Surface, Surface]], b_from_a: Floats) -> Apart | None:
+def cloud_offset(pairs: Sequence[tuple[Surface, Surface]], b_from_a: Floats) -> CloudOffset | None:
     """By how much the first surfaces, laid upon the second by ``b_from_a`` (4, 4), must be moved to lie on them.
 
     One rigid motion x = (omega, tau) for all pairs minimises
@@ -95,7 +95,7 @@ def apart(pairs: Sequence[tuple[Surface, Surface]], b_from_a: Floats) -> Apart |
         ]
     )
     count = len(pairs)
-    return Apart(_way(motion, points - centre), float(np.sqrt((count - 1) / count * (spread**2).sum())))
+    return CloudOffset(_way(motion, points - centre), float(np.sqrt((count - 1) / count * (spread**2).sum())))
 
 
 def _both_ways(a: Surface, b: Surface, b_from_a: Floats) -> _Matches:
