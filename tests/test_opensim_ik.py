@@ -16,7 +16,8 @@ from tests.toy_anatomy import toy_anatomy
 from track.accuracy.truth import Truth
 from track.evaluation.made_up_motions import motion_names, motion_spans, perform
 from track.evaluation.markers import marker_set, marker_trial, markers_at_rest, misplaced
-from track.evaluation.opensim_ik import OURS, Answer, _scores, comparison_rows, main, motion_rows, opensim_answers
+from track.evaluation.opensim_ik import Answer, _scores, main, opensim_answers
+from track.evaluation.opensim_ik_tables import OURS, comparison_rows, motion_rows
 from track.evaluation.opensim_tools import OpenSimError, opensim
 from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import differences, reconstruction_of_poses

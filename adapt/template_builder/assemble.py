@@ -53,28 +53,19 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
     say("bones, landmarks, handles")
 
     inside = {bone.name: envelope(surfaces[bone.name], bone) for bone in plan.bones}
-    tets = {
-        bone.name: tetrahedralised(inside[bone.name], edge=bone.tet_edge, epsilon=_BONE_EPSILON) for bone in plan.bones
-    }
-    tets["limb"] = tetrahedralised(skin, edge=plan.skin.tet_edge, epsilon=_LIMB_EPSILON)
+    tets = _tetrahedra(plan, inside, skin)
     say("tetrahedra: " + ", ".join(f"{name} {len(mesh.tets)}" for name, mesh in tets.items()))
 
-    bones = []
-    for bone in plan.bones:
-        own = [index for index, handle in enumerate(handles) if handle.bone == bone.name]
-        tets[bone.name], weights = _handle_weights(tets[bone.name], heads, own, within=_BONE_REACH)
-        surface = surfaces[bone.name]
-        at_vertices = evaluate(tets[bone.name], weights, surface.vertices)
-        bones.append(Bone(bone.name, bone.frame, surface.vertices, surface.faces, at_vertices))
-    every = list(range(len(handles)))
-    tets["limb"], handle_weights = _handle_weights(tets["limb"], heads, every, within=plan.skin.tet_edge)
-    deformer_weights = _deformer_weights(tets["limb"], plan, inside, dict(zip(names, landmarks, strict=True)))
+    bones = _bones(plan, surfaces, tets, handles, heads)
+    tets["limb"], handle_weights = _handle_weights(tets["limb"], heads, [*range(len(heads))], within=plan.skin.tet_edge)
+    places = dict(zip(names, landmarks, strict=True))
+    deformer_weights = _deformer_weights(tets["limb"], plan, inside, places)
     say("weights")
 
     anatomy = Anatomy(
         name=plan.name,
         side=plan.side,
-        bones=tuple(bones),
+        bones=bones,
         joints=plan.joints,
         coordinates=tuple(_at_rest(coordinate, plan, pose) for coordinate in plan.coordinates),
         handles=handles,
@@ -86,10 +77,37 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
         skin_faces=skin.faces,
         skin_handle_weights=evaluate(tets["limb"], handle_weights, skin.vertices),
         deformer_weights=evaluate(tets["limb"], deformer_weights, skin.vertices),
-        fit_weight=_fit_weight(plan, skin.vertices, is_cap, dict(zip(names, landmarks, strict=True))),
+        fit_weight=_fit_weight(plan, skin.vertices, is_cap, places),
         tetrahedra={name: (mesh.points, mesh.tets) for name, mesh in tets.items()},
     )
     return anatomy, pose
+
+
+def _tetrahedra(plan: LimbPlan, inside: dict[str, Mesh], skin: Mesh) -> dict[str, TetMesh]:
+    """Every bone's envelope and the whole limb, filled with tetrahedra."""
+    tets = {
+        bone.name: tetrahedralised(inside[bone.name], edge=bone.tet_edge, epsilon=_BONE_EPSILON) for bone in plan.bones
+    }
+    tets["limb"] = tetrahedralised(skin, edge=plan.skin.tet_edge, epsilon=_LIMB_EPSILON)
+    return tets
+
+
+def _bones(
+    plan: LimbPlan,
+    surfaces: dict[str, Mesh],
+    tets: dict[str, TetMesh],
+    handles: tuple[Handle, ...],
+    heads: list[Floats],
+) -> tuple[Bone, ...]:
+    """The bones with their own handles' weights; their tetrahedra get corners at these handles."""
+    bones = []
+    for bone in plan.bones:
+        own = [index for index, handle in enumerate(handles) if handle.bone == bone.name]
+        tets[bone.name], weights = _handle_weights(tets[bone.name], heads, own, within=_BONE_REACH)
+        surface = surfaces[bone.name]
+        at_vertices = evaluate(tets[bone.name], weights, surface.vertices)
+        bones.append(Bone(bone.name, bone.frame, surface.vertices, surface.faces, at_vertices))
+    return tuple(bones)
 
 
 def source_of(plan: LimbPlan) -> SourceSkeleton:

@@ -28,15 +28,9 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     targets = ", ".join(f"`{name}` x {weight:.3g}" for name, weight in plan.skin.targets.items())
     tets = ", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
+    scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
     planes = "a plane" if len(plan.skin.cuts) == 1 else f"{len(plan.skin.cuts)} planes"
     facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
-    in_rest = {hinge for hinge, _ in plan.rest_from.values()}
-    askew = ", ".join(
-        f"{name} {np.degrees(value):.1f}"
-        for name, value in pose.items()
-        if name not in in_rest and not name.startswith(("log_", "root_"))
-    )
-    scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
     return f"""# {plan.name}
 
 Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoformat()}.
@@ -66,7 +60,7 @@ September 2020. Shape targets and their weights: {targets}; the body scaled to a
 {plan.notes}
 Rest pose (degrees): {rest}.
 
-Other angles in which the source's bodies stand at rest (degrees): {askew or "none"}.
+Other angles in which the source's bodies stand at rest (degrees): {_askew(plan, pose) or "none"}.
 
 Scales: {", ".join(f"{name.removeprefix('log_')} {value:.3f}" for name, value in scales.items())}.
 
@@ -79,6 +73,16 @@ Tetrahedra: {tets}.
 |---|---|---|---|
 {chr(10).join(_row(check) for check in checks)}
 """
+
+
+def _askew(plan: LimbPlan, pose: dict[str, float]) -> str:
+    """The hinges' angles (degrees) that are no coordinate's rest."""
+    in_rest = {hinge for hinge, _ in plan.rest_from.values()}
+    return ", ".join(
+        f"{name} {np.degrees(value):.1f}"
+        for name, value in pose.items()
+        if name not in in_rest and not name.startswith(("log_", "root_"))
+    )
 
 
 def _row(check: Check) -> str:

@@ -15,7 +15,6 @@ from capture.simulation.rig import Ints
 
 Floats32 = NDArray[np.float32]
 
-
 _SHADOW_OFFSET_M = 0.001  # a shadow ray starts this far off the surface
 
 

@@ -19,7 +19,7 @@ from capture.rigid import apply
 from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
-from track.evaluation.experiments.real_person import AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_LENGTH_PERCENT, missed_aims
+from track.evaluation.experiments.real_person_page import AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_LENGTH_PERCENT, missed_aims
 from track.evaluation.known import record_meshes
 from track.evaluation.made_up_motions import FPS
 from track.evaluation.rigged_limbs import LIMBS, Limb, Motions, definition, limb_plan, moving_limb

@@ -12,7 +12,7 @@ from adapt.mirror import mirrored_name
 from adapt.model.body import joint_centres, pose_skin
 from capture.rigid import exp_so3
 from capture.simulation.rig import Ints, box_mesh, default_rig
-from track.evaluation.experiments.faults import person
+from track.evaluation.experiments.faulty_recordings import person
 from track.evaluation.trials.people import ARM, LEG
 from track.evaluation.trials.recorded import Around, Made, performance_of, record, still
 from track.simulation.performance import Performance
