@@ -19,12 +19,14 @@ from capture.camera import Camera
 from capture.cloud.fuse import Cloud, View, fuse, region_of_interest, view_points
 from capture.recording import Recording, Region, instants, open_recording
 from capture.rigid import inverse
+from capture.simulation.ray_casting import cast, scene_of
+from capture.simulation.rig import default_rig
 from capture.simulation.sensor import carmine_camera
-from capture.simulation.simulate import cast, default_rig, scene_of
-from track.evaluation.errors import read_truth, world_from_common
+from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.known import carried
-from track.evaluation.performance import Performance, random_body
-from track.evaluation.simulate import simulate_performance
+from track.evaluation.random_bodies import random_body
+from track.simulation.performance import Performance
+from track.simulation.simulate import simulate_performance
 
 ANATOMY = "upper-limb-right"
 FRAMES = 12

@@ -21,9 +21,9 @@ from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
 from capture.rigid import inverse
 from tests.known_limb import ANATOMY, bending_and_twisting
+from track.accuracy.truth import read_truth, world_from_common
 from track.cli import main
 from track.demo import samples
-from track.evaluation.errors import read_truth, world_from_common
 from track.evaluation.known import carried
 from track.motion import load_motion
 from track.poses_by_hand import HandPose, write_poses

@@ -21,7 +21,7 @@ from adapt.subject import Subject
 from tests.known_limb import known_subject
 from tests.test_gltf import ReadBack
 from track.evaluation import opensim_tools
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 from track.export.files import export_motion, export_subject
 from track.export.gltf import write_gltf
 from track.export.osim import landmark_markers, marker_paths

@@ -30,7 +30,7 @@ from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
 from tests.finite_differences import check_jacobian
 from tests.known_limb import bent, empty_view, exact_target
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 
 POSES = ((15.0, 0.0), (60.0, 50.0), (95.0, -50.0), (125.0, 10.0))
 

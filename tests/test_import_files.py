@@ -12,7 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 from capture.camera import Camera, backproject, project
-from capture.commands import _FORMAT_NAMES, import_command
+from capture.commands import import_command
+from capture.commands.import_files import _FORMAT_NAMES
 from capture.errors import BonetrackError, RecordingError
 from capture.importers import FORMATS, Stated, import_recording
 from capture.importers.azure_kinect import has_rays

@@ -26,7 +26,7 @@ from adapt.subject import load_subject
 from capture._open3d import open3d
 from capture.camera import project
 from capture.cloud.fuse import Cloud, View, fuse
-from capture.commands import as_region
+from capture.commands.region_options import as_region
 from capture.console import stdout
 from capture.recording import instants, open_recording
 from capture.rigid import apply, inverse

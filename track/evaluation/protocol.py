@@ -25,10 +25,11 @@ from capture.files import replaced_when_complete
 from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
 from capture.simulation.sensor import NoiseModel, carmine
-from track.evaluation.errors import evaluate_motion
-from track.evaluation.performance import motion_names, perform, perform_tables, random_body
-from track.evaluation.simulate import simulate_performance
+from track.accuracy.errors import evaluate_motion
+from track.evaluation.made_up_motions import motion_names, perform, perform_tables
+from track.evaluation.random_bodies import random_body
 from track.run import track_recording
+from track.simulation.simulate import simulate_performance
 
 NOISES = {"carmine": carmine(), "none": NoiseModel()}
 

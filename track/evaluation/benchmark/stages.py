@@ -41,11 +41,12 @@ from capture.cloud.preprocess import clean_depth
 from capture.errors import FitError
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import exp_so3, inverse
+from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.benchmark.timing import Timing, timed
-from track.evaluation.errors import read_truth, world_from_common
 from track.prediction import predict
 from track.run import track_recording
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+from track.tracked_frame import TrackedFrame, TrackerState
+from track.tracker import Tracker, make_tracker
 from track.uncertainty import pose_covariance
 
 FRAME_TARGET_S = 0.033
