@@ -21,7 +21,7 @@ from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera, backproject
 from capture.cloud.fuse import Cloud, Region, View, pixels_inside, spread
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays
-from capture.compiled import compiled, compiled_sums
+from capture.compiled import compiled, compiled_sums, inlined
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
 
@@ -147,7 +147,7 @@ def test_placements_cost_what_they_cost_in_plain_arrays() -> None:
     assert np.ptp(costs(scene, placements)) > 0.05
 
 
-@pytest.mark.parametrize("kind", [compiled, compiled_sums])
+@pytest.mark.parametrize("kind", [compiled, compiled_sums, inlined])
 def test_where_compiled_code_cannot_be_kept_it_is_compiled_all_the_same(kind, monkeypatch) -> None:
     jit = numba.njit
 

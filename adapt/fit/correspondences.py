@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from adapt.anatomy import Floats, Ints
 from adapt.fit.nearest import PointGrid
 from adapt.fit.sight import see
-from capture.camera import project
 from capture.cloud.fuse import Cloud, View
+from capture.projection import project
 from capture.rigid import apply, inverse
 
 GATE_M = 0.04  # the paper's 4 cm

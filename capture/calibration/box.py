@@ -13,7 +13,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from capture.camera import Camera, backproject, project
+from capture.camera import Camera, backproject
 from capture.cloud.planes import Plane, find_planes
 from capture.errors import CalibrationError
 from capture.rigid import Floats, apply, exp_so3, inverse, transform
@@ -198,9 +198,11 @@ def _against(corner: _Corner, size_m: tuple[float, float, float]) -> str:
 
 
 def _at_border(plane: Plane, camera: Camera) -> bool:
+    from capture.projection import project  # compiled loops, which a box's size alone does not need
+
     pixels, _ = project(camera, plane.points)
     nearest = np.minimum(pixels, np.array([camera.width - 1, camera.height - 1]) - pixels)
-    return bool((nearest < _AT_BORDER_PX).any())
+    return not (nearest >= _AT_BORDER_PX).all()  # what the lens model does not reach is at the border, too
 
 
 def _refuse_other_angles(angles: tuple[float, float, float], planes: tuple[Plane, Plane, Plane]) -> None:

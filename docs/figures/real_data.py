@@ -24,10 +24,10 @@ from adapt.fit.sample import sample_skin
 from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.subject import load_subject
 from capture._open3d import open3d
-from capture.camera import project
 from capture.cloud.fuse import Cloud, View, fuse
 from capture.commands import as_region
 from capture.console import stdout
+from capture.projection import project
 from capture.recording import instants, open_recording
 from capture.rigid import apply, inverse
 from track.cli import bonetrack

@@ -25,11 +25,11 @@ from adapt.anatomy import Floats
 from adapt.model.body import Body, bone_transforms, pose_skin, posed_bones, rest_theta
 from adapt.model.body import joint_centres as centres_of
 from adapt.subject import Subject, load_subject
-from capture.camera import project
 from capture.cloud.fuse import Cloud, View, fuse
 from capture.commands import as_region
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from capture.projection import project
 from capture.recording import Recording, instants, open_recording
 from capture.rigid import apply, inverse
 from track.cli import bonetrack
