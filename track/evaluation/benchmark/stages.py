@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target, find_corres, pixel_of
+from adapt.fit.correspondences import Target, find_corres
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.nearest import PointGrid
@@ -26,6 +26,7 @@ from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import find_skin
+from adapt.fit.visibility import pixel_of
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
 from adapt.model.deformers import carry
 from adapt.model.kinematics import bone_motions
