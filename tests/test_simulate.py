@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from capture.camera import backproject, project
+from capture.camera import backproject
 from capture.errors import BonetrackError, RecordingError
+from capture.projection import project
 from capture.recording import open_recording, read_depth
 from capture.rigid import apply, inverse
 from capture.simulation.mesh_file import simulate_mesh_file

@@ -13,7 +13,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from capture.camera import Camera, backproject, project
+from capture.camera import Camera, backproject
 from capture.cloud.planes import Plane, find_planes
 from capture.errors import CalibrationError
 from capture.rigid import Floats, apply, exp_so3, inverse, transform
@@ -31,7 +31,7 @@ _TOUCHING_M = 0.035  # how near the points of a face come to the planes it meets
 _STANDING_OUT_M = 0.015  # how far a few points of a face may stand out beyond the planes it meets
 _EDGE_M = 0.012  # points this near an edge do not count: windows and silhouettes blur them
 _FEWEST_POINTS = 200  # on each face
-_ROUNDS = 20
+_ROUNDS, _SMALL_STEP = 20, 1e-8
 _REACH_QUANTILE = 0.995  # of the points of a face; they are spread evenly, so it is this share of the side
 _TUKEY = 4.685  # in standard deviations: 95 % efficiency for Gaussian errors
 _SMALLEST_SIGMA_M = 3e-4
@@ -198,9 +198,11 @@ def _against(corner: _Corner, size_m: tuple[float, float, float]) -> str:
 
 
 def _at_border(plane: Plane, camera: Camera) -> bool:
+    from capture.projection import project  # compiled loops, which a box's size alone does not need
+
     pixels, _ = project(camera, plane.points)
     nearest = np.minimum(pixels, np.array([camera.width - 1, camera.height - 1]) - pixels)
-    return bool((nearest < _AT_BORDER_PX).any())
+    return not (nearest >= _AT_BORDER_PX).all()  # what the lens model does not reach is at the border, too
 
 
 def _refuse_other_angles(angles: tuple[float, float, float], planes: tuple[Plane, Plane, Plane]) -> None:
@@ -262,9 +264,7 @@ def _initial_pose(planes: tuple[Plane, Plane, Plane], size_m: tuple[float, float
     return transform(rotation, sides * np.asarray(size_m) / 2.0 - (rotation * centres).sum(axis=1)), sides
 
 
-def _refined(
-    pose: Floats, sides: Floats, cloud: Floats, half: Floats, small_step: float = 1e-8
-) -> tuple[Floats, Floats]:
+def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats) -> tuple[Floats, Floats]:
     """Gauss-Newton with Tukey's weights on the pose (4, 4); also the distances (N,) m of the points it rests on."""
     near = apply(pose, cloud)
     cloud = cloud[(np.abs(near) < half + 3.0 * _EDGE_M).all(axis=1)]
@@ -280,7 +280,7 @@ def _refined(
         normal, gradient = jacobian.T @ (weight[:, None] * jacobian), jacobian.T @ (weight * residual)
         step = np.asarray(np.linalg.solve(normal, -gradient), dtype=np.float64)
         pose = transform(exp_so3(step[:3]), step[3:]) @ pose
-        if np.abs(step).max() < small_step:
+        if np.abs(step).max() < _SMALL_STEP:
             break
     return pose, residual[weight > 0.0]
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.cloud.normals import surface_at
 from capture.cloud.preprocess import Image, Mask, boundary, clean_depth
+from capture.projection import pixels_in
 from capture.rigid import Floats, apply, exp_so3, inverse, transform
 
 _POINTS = 2000  # of each sensor at each instant
@@ -111,8 +112,7 @@ def _matched(a: Surface, b: Surface, b_from_a: Floats) -> _Matches:
     p, n = apply(b_from_a, a.points), a.normals @ b_from_a[:3, :3].T
     before = p[:, 2] > _REACH_M
     p, n = p[before], n[before]
-    column, row = np.rint(project(b.camera, p)[0]).astype(int).T
-    seen = (column >= 0) & (column < b.camera.width) & (row >= 0) & (row < b.camera.height)
+    row, column, seen = pixels_in(b.camera, p)
     p, n, pixels = p[seen], n[seen], np.column_stack([row[seen], column[seen]])
     trusted = b.inner[pixels[:, 0], pixels[:, 1]]
     p, n, pixels = p[trusted], n[trusted], pixels[trusted]

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.calibration.box_images import spread
-from capture.camera import Camera, backproject, project
+from capture.camera import Camera, backproject
 from capture.errors import CalibrationError
+from capture.projection import pixels_in
 from capture.recording import (
     FrameFile,
     Recording,
@@ -107,13 +108,11 @@ def _compared(seen: Look, by: Look, by_from_seen: Floats) -> tuple[int, int]:
 
     Points hidden behind what the other saw, out of its image or out of its range say nothing.
     """
-    pixels, depth = project(by.camera, apply(by_from_seen, seen.points))
+    points = apply(by_from_seen, seen.points)
+    row, column, inside = pixels_in(by.camera, points)
     near, far = by.range_m
-    usable = (depth > near) & (depth < far)
-    column, row = np.rint(pixels[usable]).astype(int).T
-    depth = depth[usable]
-    inside = (column >= 0) & (column < by.camera.width) & (row >= 0) & (row < by.camera.height)
-    column, row, depth = column[inside], row[inside], depth[inside]
+    usable = inside & (points[:, 2] > near) & (points[:, 2] < far)
+    row, column, depth = row[usable], column[usable], points[usable, 2]
     measured = by.depth[row, column]
     tolerance = _AGREEMENT_FLOOR_M + _AGREEMENT_GROWTH * depth**2
     agree = (measured > 0.0) & (np.abs(depth - measured) < tolerance)

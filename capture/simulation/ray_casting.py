@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture._open3d import open3d
-from capture.camera import Camera, project, ray_slopes
+from capture.camera import Camera, ray_slopes
+from capture.projection import project
 from capture.rigid import Floats, apply, inverse
 from capture.simulation.rig import Ints
 
@@ -73,8 +74,8 @@ def scene_of(vertices: Floats, faces: Ints) -> Any:
 
 def _image_window(camera: Camera, points: Floats) -> tuple[slice, slice]:
     """Rows and columns of the image that points (N, 3) of the sensor's frame can fall on, one pixel around included."""
-    pixels, depth = project(camera, points)
-    if (depth <= 0.0).any():
+    pixels, _ = project(camera, points)
+    if not np.isfinite(pixels).all():
         return slice(0, camera.height), slice(0, camera.width)
     low = np.clip(np.floor(pixels.min(axis=0)) - 1, 0, (camera.width, camera.height)).astype(int)
     high = np.clip(np.ceil(pixels.max(axis=0)) + 2, 0, (camera.width, camera.height)).astype(int)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.errors import RecordingError
+from capture.projection import project
 from capture.rigid import Floats, apply, inverse, transform
 from capture.simulation.sensor import carmine, carmine_camera
 

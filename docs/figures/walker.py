@@ -23,11 +23,11 @@ from adapt.anatomy import Floats
 from adapt.model.body import Body, rest_theta
 from adapt.model.body import joint_centres as centres_of
 from adapt.subject import load_subject
-from capture.camera import project
 from capture.cloud.fuse import View, fuse
 from capture.commands.region_options import as_region
 from capture.console import stdout
 from capture.files import replaced_when_complete
+from capture.projection import project
 from capture.recording import instants, open_recording
 from track.cli import bonetrack
 from track.motion import load_motion

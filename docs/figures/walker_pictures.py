@@ -11,9 +11,9 @@ from walker_leg import BOTH, FLOOR_UP, Leg
 
 from adapt.anatomy import Floats
 from adapt.model.body import pose_skin, posed_bones
-from capture.camera import project
 from capture.cloud.fuse import Cloud, View, fuse
 from capture.commands.region_options import as_region
+from capture.projection import project
 from capture.recording import Recording, instants
 from capture.rigid import apply, inverse
 from track.shown import skin_shown

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target, find_corres, pixel_of
+from adapt.fit.correspondences import Target, find_corres
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.nearest import PointGrid
@@ -26,6 +26,7 @@ from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import find_skin
+from adapt.fit.visibility import pixel_of
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
 from adapt.model.deformers import carry
 from adapt.model.kinematics import bone_motions
@@ -52,7 +53,7 @@ from track.uncertainty import pose_covariance
 FRAME_TARGET_S = 0.033
 ADAPTATION_TARGET_S = 30.0  # of six poses
 
-_PLACEMENTS = 200
+PLACEMENTS = 200
 
 FIRST = "the first version (November 2026, an idle two-core machine, one thread)"
 FIRST_FUSE_S, FIRST_FRAME_S, FIRST_GIVEN_S, FIRST_AUTOMATIC_S, FIRST_DEMO_S = 0.027, 0.067, 15.7, 47.5, 65.0
@@ -157,20 +158,24 @@ def frame_timings(bench: Bench) -> list[Timing]:
     ]
 
 
-def placements_timing(bench: Bench) -> Timing:
-    """The coarse half of the first search: the skin in this pose, turned in some ways about where it stands."""
+def some_placements(bench: Bench) -> Placements:
+    """What the first search tries: the skin in this pose, turned in some ways about where it stands."""
     tracker, rng = bench.tracker, np.random.default_rng(0)
     sample = sample_skin(tracker.subject.anatomy, at_most=100)
     skin = pose_skin(tracker.subject.body, bench.frame.theta)
     points, middle = skin[sample.vertices], skin[sample.vertices].mean(axis=0)
-    turned = np.array([exp_so3(vector).T for vector in rng.normal(0.0, 1.0, (_PLACEMENTS, 3))])
+    turned = np.array([exp_so3(vector).T for vector in rng.normal(0.0, 1.0, (PLACEMENTS, 3))])
     weights = sample.observations[sample.vertices]
     normals = sample.normals(skin)[sample.vertices] @ turned
-    facing = np.tile(weights, (_PLACEMENTS, 1))
-    placed = Placements((points - middle) @ turned + middle, normals, facing, weights)
-    scene = Scene(bench.target.cloud)
+    facing = np.tile(weights, (PLACEMENTS, 1))
+    return Placements((points - middle) @ turned + middle, normals, facing, weights)
+
+
+def placements_timing(bench: Bench) -> Timing:
+    """The coarse half of the first search."""
+    placed, scene = some_placements(bench), Scene(bench.target.cloud)
     return bench.time(
-        f"the search's {_PLACEMENTS} placements of 100 vertices",
+        f"the search's {PLACEMENTS} placements of 100 vertices",
         lambda: costs(scene, placed),
         twin=lambda: costs_by_arrays(scene, placed),
     )
