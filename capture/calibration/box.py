@@ -31,7 +31,7 @@ _TOUCHING_M = 0.035  # how near the points of a face come to the planes it meets
 _STANDING_OUT_M = 0.015  # how far a few points of a face may stand out beyond the planes it meets
 _EDGE_M = 0.012  # points this near an edge do not count: windows and silhouettes blur them
 _FEWEST_POINTS = 200  # on each face
-_ROUNDS, _SMALL_STEP = 20, 1e-8
+_ROUNDS = 20
 _REACH_QUANTILE = 0.995  # of the points of a face; they are spread evenly, so it is this share of the side
 _TUKEY = 4.685  # in standard deviations: 95 % efficiency for Gaussian errors
 _SMALLEST_SIGMA_M = 3e-4
@@ -112,7 +112,7 @@ def find_box(depth_m: Floats, camera: Camera, size_m: tuple[float, float, float]
     _refuse_another_scale(corner, size_m)
     pose, sides = _initial_pose(corner.planes, size_m)
     cloud = points[np.isfinite(points[..., 2])]
-    pose, residuals = _refined(pose, sides, cloud, np.asarray(size_m) / 2.0)
+    pose, residuals = _refined(pose, sides, cloud, np.asarray(size_m) / 2.0, 1e-8)
     measured = tuple(float(side) for side in corner.size_m)
     return BoxFit(
         box_from_sensor=pose,
@@ -264,7 +264,7 @@ def _initial_pose(planes: tuple[Plane, Plane, Plane], size_m: tuple[float, float
     return transform(rotation, sides * np.asarray(size_m) / 2.0 - (rotation * centres).sum(axis=1)), sides
 
 
-def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats) -> tuple[Floats, Floats]:
+def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats, small_step: float) -> tuple[Floats, Floats]:
     """Gauss-Newton with Tukey's weights on the pose (4, 4); also the distances (N,) m of the points it rests on."""
     near = apply(pose, cloud)
     cloud = cloud[(np.abs(near) < half + 3.0 * _EDGE_M).all(axis=1)]
@@ -280,7 +280,7 @@ def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats) -> tuple[
         normal, gradient = jacobian.T @ (weight[:, None] * jacobian), jacobian.T @ (weight * residual)
         step = np.asarray(np.linalg.solve(normal, -gradient), dtype=np.float64)
         pose = transform(exp_so3(step[:3]), step[3:]) @ pose
-        if np.abs(step).max() < _SMALL_STEP:
+        if np.abs(step).max() < small_step:
             break
     return pose, residual[weight > 0.0]
 
