@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Deformer, Frame, read_anatomy, save_anatomy
+from adapt.anatomy import Deformer, Frame
+from adapt.anatomy_file import read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.deformers import DEFORMER_TYPES, bind, bone_shares, carry

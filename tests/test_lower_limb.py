@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.build.joint_accuracy import compare_with_table
 from adapt.build.knee import PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
 from adapt.build.lower_limb import LOWER_LIMB_RIGHT

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Floats, Frame, Joint, load_anatomy, read_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Floats, Frame, Joint
+from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.build.checks import motions
 from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, simm_spline, spline_joint
 from adapt.build.joint_accuracy import compare_with_table

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.build import checks
 from adapt.build.__main__ import PLANS
 from adapt.build.meshes import Mesh, boundary_loop, level_set, simplified

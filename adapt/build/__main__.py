@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from adapt.anatomy import load_anatomy, save_anatomy
+from adapt.anatomy_file import load_anatomy, save_anatomy
 from adapt.build.assemble import build_anatomy, source_of
 from adapt.build.checks import Check, all_checks, require
 from adapt.build.lower_limb import LOWER_LIMB_RIGHT

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Bone, Coordinate, Frame, load_anatomy
+from adapt.anatomy import Anatomy, Bone, Coordinate, Frame
+from adapt.anatomy_file import load_anatomy
 from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint
 from adapt.build.joint_accuracy import Comparison, compare_with_table, rest_from_table
 from adapt.build.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE

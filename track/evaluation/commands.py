@@ -94,7 +94,7 @@ def print_evaluation(evaluation) -> None:  # type: ignore[no-untyped-def]
 
 
 def _performance(anatomy: str, motion: Path, subject: Path | None):  # type: ignore[no-untyped-def]
-    from adapt.anatomy import load_anatomy
+    from adapt.anatomy_file import load_anatomy
     from adapt.model.body import make_body
     from adapt.subject import load_subject
     from track.evaluation.performance import read_motion_table

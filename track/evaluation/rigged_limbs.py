@@ -8,7 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.build.plan import LimbPlan
 from adapt.build.skin import Cut
 from adapt.build.sources_makehuman import load_skin

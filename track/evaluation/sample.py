@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.performance import perform, random_body
 from track.evaluation.simulate import simulate_performance
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import pose_skin
 from adapt.subject import Subject, load_subject, save_subject

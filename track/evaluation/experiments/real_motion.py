@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.build.meshes import Mesh, largest_part
 from adapt.fit.recording import adapt_recording
 from adapt.subject import Subject, load_subject, save_subject
