@@ -44,7 +44,7 @@ def adapt_command(
     near: tuple[float, ...] | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
-    from adapt.anatomy import load_anatomy
+    from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
     from adapt.run import adapt_into
     from capture.commands.region_options import region_near

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.subject import load_subject, save_subject
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import make_body, pose_skin, rest_theta
 from capture.camera import Camera
 from capture.recording import Calibration, Recording, Sensor, SensorCalibration

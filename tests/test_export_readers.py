@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_frames, rest_theta
 from adapt.model.pose_space import reported_coordinates
 from adapt.subject import Subject

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, joint_centres, make_body, pose_skin, rest_theta
 from adapt.model.size import resized
 from track.evaluation import field_trials

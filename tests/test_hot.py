@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.nearest import PointGrid
 from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.sample import sample_skin

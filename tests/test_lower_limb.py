@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.shape.prior import shape_precision

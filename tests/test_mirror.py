@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import anatomy_arrays, load_anatomy, save_anatomy
+from adapt.anatomy import anatomy_arrays
+from adapt.anatomy_file import load_anatomy, save_anatomy
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin

@@ -7,7 +7,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, bone_frames, make_body, posed_bones, rest_theta
 from adapt.model.pose_space import reported_coordinates
 from track.evaluation import opensim_tools

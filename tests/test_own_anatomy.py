@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from adapt import own_anatomy
-from adapt.anatomy import Anatomy, Coordinate, anatomy_names, load_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Coordinate
 from adapt.anatomy_check import refuse_unsound
+from adapt.anatomy_file import anatomy_names, load_anatomy, save_anatomy
 from adapt.fit.rival_side import SideEvidence, refuse_the_other_side
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, rest_theta

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import track.tracker
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.correspondences import Target
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import FoundPart, find_skin

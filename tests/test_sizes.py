@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import adapt.fit.overall_size as overall_size_module
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.sample import sample_skin

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Floats, Frame, Joint, load_anatomy, read_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Floats, Frame, Joint
+from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.fit.start import variations
 from adapt.model.body import bone_frames, bone_transforms, joint_centres, make_body, pose_skin_varying, rest_theta
 from adapt.model.joints import joint_motion

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import adapt.fit.start as start
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.handles import deform, handle_positions
 from adapt.template_builder.meshes import Mesh
 from capture.rigid import exp_so3

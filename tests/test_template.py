@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.template_builder import checks
 from adapt.template_builder.__main__ import PLANS

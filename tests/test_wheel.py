@@ -83,7 +83,7 @@ def test_the_wheel_alone_imports_and_has_its_templates(tmp_path):
         (tmp_path / path).symlink_to(ROOT / path)
     script = f"""
 import importlib
-from adapt.anatomy import anatomy_names, load_anatomy
+from adapt.anatomy_file import anatomy_names, load_anatomy
 for name in {sorted(reached([COMMANDS]))}:
     assert importlib.import_module(name).__file__.startswith({str(tmp_path)!r}), name
 print([load_anatomy(name).name for name in anatomy_names()])

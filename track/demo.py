@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.commands import print_subject
 from adapt.run import adapt_into
 from adapt.subject import MARK, Subject

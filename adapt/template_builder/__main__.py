@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from adapt.anatomy import load_anatomy, save_anatomy
+from adapt.anatomy_file import load_anatomy, save_anatomy
 from adapt.template_builder.assemble import build_anatomy, source_of
 from adapt.template_builder.checks import Check, all_checks, require
 from adapt.template_builder.lower_limb import LOWER_LIMB_RIGHT

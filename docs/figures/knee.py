@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Bone, Coordinate, Frame, load_anatomy
+from adapt.anatomy import Anatomy, Bone, Coordinate, Frame
+from adapt.anatomy_file import load_anatomy
 from adapt.model.joints import joint_motion
 from adapt.model.variation import constant_points
 from adapt.template_builder.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint

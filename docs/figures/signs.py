@@ -14,7 +14,8 @@ from typing import Any
 import click
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Joint, load_anatomy
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, joint_centres, make_body, pose_skin
 from adapt.model.pose_space import is_free, root_joint
 from capture.camera import Camera

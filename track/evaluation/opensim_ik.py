@@ -23,7 +23,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.subject import Subject, load_subject, save_subject

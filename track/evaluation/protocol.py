@@ -16,7 +16,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.subject import save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration

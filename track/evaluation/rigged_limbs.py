@@ -8,7 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import joint_centres, make_body, rest_theta
 from adapt.template_builder.plan import LimbPlan
 from adapt.template_builder.skin import Cut

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.made_up_motions import perform
 from track.evaluation.random_bodies import random_body
 from track.simulation.simulate import simulate_performance

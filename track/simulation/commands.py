@@ -60,7 +60,7 @@ def simulate_command(
 
 
 def _performance(anatomy: str, motion: Path, subject: Path | None) -> Performance:
-    from adapt.anatomy import load_anatomy
+    from adapt.anatomy_file import load_anatomy
     from adapt.model.body import make_body
     from adapt.subject import load_subject
     from track.simulation.motion_table import read_motion_table

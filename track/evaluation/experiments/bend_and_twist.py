@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from capture.simulation.sensor import NoiseModel
 from track.accuracy.errors import Evaluation, evaluate_motion

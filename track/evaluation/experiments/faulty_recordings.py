@@ -10,7 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import pose_skin
 from capture.calibration.calibrate import calibrate_recording
 from capture.recording import FrameFile, Recording, open_recording

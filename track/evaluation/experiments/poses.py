@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import make_body, rest_theta

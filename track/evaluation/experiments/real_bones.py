@@ -11,7 +11,8 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Bone, load_anatomy
+from adapt.anatomy import Anatomy, Bone
+from adapt.anatomy_file import load_anatomy
 from adapt.model.handles import d_deform_d_shape, deform, handle_positions
 from adapt.model.surface import submesh
 from adapt.template_builder.meshes import Mesh

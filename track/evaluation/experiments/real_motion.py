@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.subject import Subject, load_subject, save_subject
 from adapt.template_builder.meshes import Mesh, largest_part

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import joint_centres
 from adapt.subject import Subject, load_subject, save_subject

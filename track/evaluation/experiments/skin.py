@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.pose import fit_pose, match_pose
 from adapt.fit.sample import sample_skin

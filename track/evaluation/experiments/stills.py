@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.known import CARMINE, KnownRecording, record_known
 from track.evaluation.made_up_motions import FPS, perform
 from track.evaluation.random_bodies import random_body

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table
 from track.evaluation.opensim_ik import ACCURACIES, compare_subject
 from track.evaluation.opensim_ik_tables import OURS, comparison_rows, motion_rows

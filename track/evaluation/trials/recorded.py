@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, Ints, load_anatomy
+from adapt.anatomy import Floats, Ints
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, pose_skin
 from adapt.model.size import resized
 from capture.recording import open_recording

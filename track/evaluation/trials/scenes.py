@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.mirror import mirrored_name
 from adapt.model.body import joint_centres, pose_skin
 from capture.rigid import exp_so3

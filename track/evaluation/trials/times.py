@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from capture.recording import open_recording
 from capture.recording.types import FRAMES_FILE
 from track.evaluation.trials.command import bonetrack
