@@ -18,7 +18,7 @@ from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
 from adapt.fit.priors import range_term
 from adapt.fit.sample import sample_skin
 from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
-from adapt.fit.skin import STIFFNESS, fit_skin
+from adapt.fit.skin import STIFFNESS, Factor, fit_skin
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.shape.prior import SIZE_SIGMA, shape_precision
@@ -435,6 +435,16 @@ def test_skin_comes_onto_the_clouds(person, skinned):
     seen = np.unique(np.concatenate([matches.vertex for matches in skinned[1]]))
     before, after = (np.linalg.norm(b.v_hat - body.v_hat, axis=1)[seen].mean() for b in (start, fitted))
     assert after < 0.7 * before
+
+
+def test_a_factor_kept_from_another_system_finds_the_same_skin(person, skinned, monkeypatch):
+    _, thetas, _ = person
+    start, matches, whole, fitted = skinned
+    factor = Factor()
+    fit_skin(start, thetas[:1], matches[:1], whole, factor=factor)
+    monkeypatch.delattr("adapt.fit.skin.splu")
+    again = fit_skin(start, thetas, matches, whole, factor=factor)
+    np.testing.assert_allclose(again.v_hat, fitted.v_hat, atol=1e-6)
 
 
 def test_skin_that_nobody_saw_stays_smooth(arm, skinned):

@@ -21,7 +21,7 @@ from adapt.fit.noise import LEAST_M, patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
 from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.fit.shape import fit_shape
-from adapt.fit.skin import fit_skin
+from adapt.fit.skin import Factor, fit_skin
 from adapt.model.body import Body
 
 _OUTER_ROUNDS = 3
@@ -85,12 +85,13 @@ def adapt_body(
         if not optimise_skin:
             continue  # what the skin alone could explain would pass for noise
         progress(f"round {outer + 1} of {outer_rounds}: skin")
+        factor = Factor()
         for _ in range(_SKIN_UPDATES):
             matches = [
                 match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M)
                 for target, theta in zip(targets, thetas, strict=True)
             ]
-            body = fit_skin(body, thetas, matches, sample)
+            body = fit_skin(body, thetas, matches, sample, factor=factor)
         own_noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
         unseen_noise_m = unseen_noise(body, unseen, gone)
         noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
