@@ -11,7 +11,9 @@ import pytest
 from adapt.anatomy import Floats
 from adapt.model.body import make_body, pose_skin, rest_theta
 from adapt.subject import Subject
+from tests.known_limb import KnownLimb
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.benchmark.adapting import evaluation_timings
 from track.evaluation.benchmark.growth import Curve, slope, with_finer_skin
 from track.evaluation.benchmark.others import Comparison, skin_errors
 from track.evaluation.benchmark.page import Results, page
@@ -66,6 +68,14 @@ def test_the_page_shows_every_part_and_where_the_time_goes() -> None:
 def test_the_exponent_tells_linear_growth_from_none() -> None:
     assert slope(Curve("", (10, 20, 80), (1.0, 2.0, 8.0))) == pytest.approx(1.0)
     assert slope(Curve("", (10, 20, 80), (3.0, 9.0, 3.0))) == pytest.approx(0.0)
+
+
+def test_a_step_of_algorithm_2_is_timed_beside_plain_numpy(limb: KnownLimb) -> None:
+    skin, equations = evaluation_timings(limb.subject, limb.targets[::4], repeat=2)
+    assert skin.twin is not None
+    assert len(skin.processor) == len(skin.twin) == len(equations.processor) == 2
+    assert "10 coordinates, 16 of shape and the tissue" in skin.stage
+    assert "196 unknowns in 3 poses" in equations.stage
 
 
 def toy_subject() -> tuple[Subject, Floats]:

@@ -12,13 +12,12 @@ from rich.table import Table
 from adapt.subject import load_subject
 from capture.console import stdout
 from capture.errors import BonetrackError
+from track.evaluation.benchmark.adapting import adaptation_timings, automatic_timing
 from track.evaluation.benchmark.growth import Curve, growth, slope
 from track.evaluation.benchmark.others import Comparison, beside_nonrigid_icp, beside_opensim
 from track.evaluation.benchmark.page import Results, write_page
 from track.evaluation.benchmark.processes import Process, whole_commands
 from track.evaluation.benchmark.stages import (
-    adaptation_timing,
-    automatic_timing,
     frame_timings,
     loop_timing,
     opened,
@@ -64,7 +63,7 @@ def measure(
     progress("timing a frame")
     frame, loop = frame_timings(prepare(recording, who, repeat=repeat)), loop_timing(recording, who)
     progress("timing the adaptation")
-    adaptation = [adaptation_timing(recording, who)]
+    adaptation = adaptation_timings(recording, who, repeat=repeat)
     if automatic:
         progress("timing the automatic adaptation")
         adaptation.append(automatic_timing(recording, who))
@@ -85,7 +84,7 @@ def measure(
 def tables(results: Results) -> list[Table]:
     """What was measured, for the terminal."""
     timings = [*results.frame, results.loop, *results.adaptation]
-    shown = [timing_table(timings, f"{results.name}: median of {results.repeat} (adaptation: once)")]
+    shown = [timing_table(timings, f"{results.name}: median of {results.repeat} (automatic adaptation: once)")]
     if results.others:
         other = Table("work", "takes", "ours", title="beside other programs")
         for row in results.others:
