@@ -8,9 +8,9 @@ forearm look alike in one pose; alternating between them creeps. Algorithm 3 add
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from adapt.model.body import Body, make_body, pose_skin, shaped_skin
 from adapt.model.pose_space import wrap
 from adapt.model.shape.prior import shape_precision
 from adapt.tissue import TissueField, tissue_field
+from capture.compiled import compiled_sums
 
 _LEAST_KNOWN = 1.0  # curvature by a pose: what no skin in sight tells is known to 1 rad or 1 m
 _STILL = 2e-4  # rad, m, and the scales' 1: what moves less between two updates has converged
@@ -165,7 +166,7 @@ class ShapeEnergy:
             hessian[np.ix_(index, index)] += (flat.T @ flat)[:-1, :-1]
             gradient[pose] += limits.gradient
             hessian[pose, pose] += limits.hessian + _LEAST_KNOWN * np.eye(of.n)
-            _add_shares(shares, rows, jacobian, far, slice(of.m + k * of.n, of.m + (k + 1) * of.n))
+            _add_shares(shares, rows, jacobian, far, of.m + k * of.n, of.n)
         cross = self.modes.T @ shares
         gradient[of.tissue] += cross[:, -1]
         hessian[np.ix_(np.arange(of.m, of.m + of.q), others)] = cross[:, :-2]
@@ -187,24 +188,40 @@ class ShapeEnergy:
 
     def at(self, x: Floats) -> Body:
         """The body at x. A trial step may leave the model's domain: then the nearest valid one."""
-        anatomy, shape = self.body.anatomy, self.body.affine.nearest_possible(x[: self.of.m])
-        grown = tissue_field(anatomy).displacement(x[self.of.tissue])
-        return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
+        return self._bodies(x[: self.of.m + self.of.q].tobytes())
+
+    @cached_property
+    def _bodies(self) -> Callable[[bytes], Body]:
+        """The body of shape and tissue; it is kept a while, for where a step ends the next one starts."""
+
+        @lru_cache(maxsize=2)
+        def body(of: bytes) -> Body:
+            x, anatomy = np.frombuffer(of), self.body.anatomy
+            grown = tissue_field(anatomy).displacement(x[self.of.tissue])
+            shape = self.body.affine.nearest_possible(x[: self.of.m])
+            return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
+
+        return body
 
     def _expected(self, x: Floats) -> Quadratic:
         affine = self.body.affine
         return gaussian_term(x[: self.of.m], affine.identity, shape_precision(self.body.anatomy, affine))
 
 
-def _add_shares(shares: Floats, rows: Ints, jacobian: Floats, far: Floats, pose: slice) -> None:
+@compiled_sums
+def _add_shares(shares: Floats, rows: Ints, jacobian: Floats, far: Floats, first: int, n: int) -> None:
     """Adds what the last column of J (M, 3, n + m + 1), the tissue's direction, shares with all columns and with r.
 
-    ``shares`` (U, m + K n + 2) has the shape's columns, the poses', the direction's own, and that of r (M, 3).
+    ``shares`` (U, m + K n + 2) has the shape's columns, the poses' (this one's from the ``first`` on), the direction's
+    own, and that of r (M, 3).
     """
-    n = pose.stop - pose.start
-    direction = jacobian[:, None, :, -1]
-    shared = np.matmul(direction, jacobian)[:, 0]
-    shares[rows, pose] = shared[:, :n]
-    shares[rows, : jacobian.shape[2] - n - 1] += shared[:, n:-1]
-    shares[rows, -2] += shared[:, -1]
-    shares[rows, -1] += np.matmul(direction, far[:, :, None])[:, 0, 0]
+    own, m = jacobian.shape[2] - 1, jacobian.shape[2] - 1 - n
+    for i in range(len(rows)):
+        here, share = jacobian[i], shares[rows[i]]
+        x, y, z = here[0, own], here[1, own], here[2, own]
+        for k in range(n):
+            share[first + k] = x * here[0, k] + y * here[1, k] + z * here[2, k]
+        for k in range(m):
+            share[k] += x * here[0, n + k] + y * here[1, n + k] + z * here[2, n + k]
+        share[len(share) - 2] += x * x + y * y + z * z
+        share[len(share) - 1] += x * far[i, 0] + y * far[i, 1] + z * far[i, 2]
