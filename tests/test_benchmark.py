@@ -14,7 +14,9 @@ from adapt.subject import Subject
 from capture.camera import Camera, ray_slopes
 from capture.cloud.fuse import Cloud, View
 from capture.projection import pixels_in
+from tests.known_limb import KnownLimb
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.benchmark.adapting import evaluation_timings
 from track.evaluation.benchmark.growth import Curve, slope, with_finer_skin
 from track.evaluation.benchmark.lenses import LensTiming, seen_through
 from track.evaluation.benchmark.others import Comparison, skin_errors
@@ -95,6 +97,14 @@ def test_through_a_lens_the_same_surface_is_seen_on_other_pixels() -> None:
     assert column < 72
     assert view.depth[row, column] == 0.0
     assert view.depth[hole] == 1.0
+
+
+def test_a_step_of_algorithm_2_is_timed_beside_plain_numpy(limb: KnownLimb) -> None:
+    skin, equations = evaluation_timings(limb.subject, limb.targets[::4], repeat=2)
+    assert skin.twin is not None
+    assert len(skin.processor) == len(skin.twin) == len(equations.processor) == 2
+    assert "10 coordinates, 16 of shape and the tissue" in skin.stage
+    assert "196 unknowns in 3 poses" in equations.stage
 
 
 def toy_subject() -> tuple[Subject, Floats]:

@@ -25,6 +25,7 @@ from capture.errors import AnatomyError
 from tests.finite_differences import check_jacobian
 from tests.test_model import seeded
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.skin_of_blocks import skin_of_blocks, skin_of_blocks_by_shape
 from track.export.linear_skin import linear_skin, skin_gap
 
 ULNA = Frame(("inner", "outer"), ("styloid",), ("inner", "outer"), ("inner",), ("outer",))
@@ -91,15 +92,17 @@ def test_at_rest_it_leaves_the_skin_where_it_is(case: tuple[Body, Deformer]) -> 
 
 def test_the_compiled_loops_pose_the_skin_as_the_model_does(case: tuple[Body, Deformer]) -> None:
     body, _ = case
-    anatomy, theta = body.anatomy, some_theta(body)
-    motions = bone_motions(anatomy, theta, constant_points(body.p.value, len(theta)))
-    value, d = np.zeros((len(body.v_hat), 3)), np.zeros((len(body.v_hat), 3, len(theta)))
-    for each, bound, share in zip(anatomy.deformers, body.bound_skin, anatomy.deformer_weights.T, strict=True):
-        moved = carry(each, bound, motions)
-        value, d = value + share[:, None] * moved.value, d + share[:, None, None] * moved.d
-    fast = pose_skin_varying(body, theta)
-    np.testing.assert_allclose(fast.value, value, atol=1e-12)
-    np.testing.assert_allclose(fast.d, d, atol=1e-11)
+    theta, everything = some_theta(body), np.arange(len(body.v_hat))
+    model, with_shape = (
+        skin_of_blocks(body, theta, columns=len(theta)),
+        skin_of_blocks_by_shape(body, theta, everything),
+    )
+    for expected, fast in (
+        (model, pose_skin_varying(body, theta)),
+        (with_shape, pose_skin_varying(body, theta, with_shape=True)),
+    ):
+        np.testing.assert_allclose(fast.value, expected.value, atol=1e-12)
+        np.testing.assert_allclose(fast.d, expected.d, atol=1e-11)
 
 
 def test_the_whole_body_varies_as_stated_with_pose_and_shape(case: tuple[Body, Deformer]) -> None:

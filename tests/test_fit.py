@@ -18,7 +18,7 @@ from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
 from adapt.fit.priors import range_term
 from adapt.fit.sample import sample_skin
 from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
-from adapt.fit.skin import STIFFNESS, fit_skin
+from adapt.fit.skin import STIFFNESS, Factor, fit_skin
 from adapt.fit.visibility import visible_vertices
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.shape.handle_space import affine_set
@@ -32,6 +32,7 @@ from capture.rigid import exp_so3, log_so3
 from tests.finite_differences import check_jacobian
 from tests.known_limb import bent, empty_view, exact_target
 from track.evaluation.random_bodies import random_body
+from track.evaluation.skin_of_blocks import skin_of_blocks_by_shape
 
 POSES = ((15.0, 0.0), (60.0, 50.0), (95.0, -50.0), (125.0, 10.0))
 
@@ -437,6 +438,16 @@ def test_skin_comes_onto_the_clouds(person, skinned):
     assert after < 0.7 * before
 
 
+def test_a_factor_kept_from_another_system_finds_the_same_skin(person, skinned, monkeypatch):
+    _, thetas, _ = person
+    start, matches, whole, fitted = skinned
+    factor = Factor()
+    fit_skin(start, thetas[:1], matches[:1], whole, factor=factor)
+    monkeypatch.delattr("adapt.fit.skin.splu")
+    again = fit_skin(start, thetas, matches, whole, factor=factor)
+    np.testing.assert_allclose(again.v_hat, fitted.v_hat, atol=1e-6)
+
+
 def test_skin_that_nobody_saw_stays_smooth(arm, skinned):
     import igl
 
@@ -551,18 +562,45 @@ def test_first_poses_that_make_no_sense_are_refused(tmp_path, arm, text):
         read_first_poses(tmp_path / "none.csv", arm)
 
 
-def test_shape_tissue_and_poses_have_true_derivatives(arm, person, sample):
-    """The energy of algorithm 2 for fixed matches, by some of each kind of unknown."""
+@pytest.fixture
+def two_poses(arm, person, sample):
+    """The energy of algorithm 2 for fixed matches in two poses, and where it is looked at."""
     body, thetas, targets = person
-    field = tissue_field(arm)
-    c = np.random.default_rng(2).normal(0.0, 0.3, field.modes.shape[1])
+    c = np.random.default_rng(2).normal(0.0, 0.3, tissue_field(arm).modes.shape[1])
     x = np.concatenate([body.shape, c, thetas[:2].ravel()])
     of = Unknowns(len(body.shape), len(c), len(arm.coordinates))
     matches = [
         match_pose(body, target, theta + 0.01, sample, gate_m=GATE_M)
         for target, theta in zip(targets[:2], thetas[:2], strict=True)
     ]
-    cost = ShapeEnergy(body, arm.skin_vertices, matches, sample, of)
+    return ShapeEnergy(body, arm.skin_vertices, matches, sample, of), x
+
+
+def test_algorithm_2s_normal_equations_are_those_of_the_models_blocks(arm, two_poses):
+    """With every column written out, the tissue's too."""
+    cost, x = two_poses
+    of, body, field = cost.of, cost.at(x), tissue_field(arm)
+    nothing = Correspondences(np.zeros(0, dtype=np.int64), *np.zeros((2, 0, 3)), np.zeros(0))
+    here, none = cost.quadratic(x), replace(cost, matches=[nothing, nothing]).quadratic(x)
+    energy, gradient, hessian = none.energy, none.gradient.copy(), none.hessian.copy()
+    for k, match in enumerate(cost.matches):
+        i, index = match.vertex, np.r_[of.pose(k), 0 : of.m + of.q]
+        skin = skin_of_blocks_by_shape(body, x[of.pose(k)], i, along=field.normals[i])
+        tissue = skin.d[:, :, -1:] * field.modes[i][:, None, :]
+        whole = Points(skin.value, np.concatenate([skin.d[:, :, :-1], tissue], axis=2))
+        data = data_term(whole, match, cost.sample.observations[i])
+        energy += data.energy
+        gradient[index] += data.gradient
+        hessian[np.ix_(index, index)] += data.hessian
+    assert here.energy == pytest.approx(energy, rel=1e-12)
+    np.testing.assert_allclose(here.gradient, gradient, atol=1e-10 * np.abs(gradient).max())
+    np.testing.assert_allclose(here.hessian, hessian, atol=1e-12 * np.abs(hessian).max())
+
+
+def test_shape_tissue_and_poses_have_true_derivatives(two_poses):
+    """The energy of algorithm 2, by some of each kind of unknown."""
+    cost, x = two_poses
+    of = cost.of
     some = np.r_[0:16:3, of.tissue.start : of.tissue.stop : 30, of.pose(0), of.pose(1)]
 
     def energy(part):

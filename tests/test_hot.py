@@ -13,7 +13,7 @@ from adapt.fit.nearest import PointGrid
 from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored
-from adapt.model.body import make_body, pose_skin, pose_skin_varying, rest_theta
+from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta, shaped_skin
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera, backproject
@@ -22,6 +22,7 @@ from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.compiled import compiled, compiled_sums, inlined
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.skin_of_blocks import skin_of_blocks_by_shape, skin_of_blocks_by_v_hat
 
 
 def known_anatomy(name: str) -> Anatomy:
@@ -38,12 +39,20 @@ def test_the_posed_skin_and_its_derivatives_are_those_of_the_model(name: str, sp
     body = make_body(anatomy, shape=identity + rng.normal(0.0, 0.02, len(identity)), v_hat=v_hat)
     theta = rest_theta(body) + rng.uniform(-spread, spread, len(anatomy.coordinates))
     rows = rng.choice(len(v_hat), len(v_hat) // 3, replace=False)
-    whole = pose_skin_varying(body, theta, with_shape=True)
+    along = rng.normal(size=v_hat.shape)
+    whole = skin_of_blocks_by_shape(body, theta, np.arange(len(v_hat)), along=along)
     fast = pose_skin_varying(body, theta, vertices=rows)
     np.testing.assert_allclose(pose_skin(body, theta), whole.value, atol=1e-12)
     np.testing.assert_allclose(pose_skin(body, theta, vertices=rows), whole.value[rows], atol=1e-12)
     np.testing.assert_allclose(fast.value, whole.value[rows], atol=1e-12)
     np.testing.assert_allclose(fast.d, whole.d[rows][:, :, : len(theta)], atol=1e-9)
+    shaped = pose_skin_varying(body, theta, with_shape=True, vertices=rows)
+    np.testing.assert_allclose(shaped.value, whole.value[rows], atol=1e-12)
+    np.testing.assert_allclose(shaped.d, whole.d[rows][:, :, :-1], atol=1e-9)
+    own = shaped_skin(body, rows, along=along[rows]).posed(theta, np.arange(len(rows)))
+    np.testing.assert_allclose(own.d, whole.d[rows], atol=1e-9)
+    by_v_hat = skin_of_blocks_by_v_hat(body, theta, rows).d[:, :, len(theta) :]
+    np.testing.assert_allclose(pose_skin_by_v_hat(body, theta, vertices=rows).d, by_v_hat, atol=1e-9)
 
 
 def test_normals_of_a_sample_are_those_of_the_whole_mesh() -> None:

@@ -15,6 +15,7 @@ from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
 from adapt.model.hot.chain import move_bones
+from adapt.model.hot.prepared import prepare_chain
 from adapt.model.joints import JOINT_TYPES, joint_motion
 from adapt.model.joints.opensim import OsimJoint, TransformAxis
 from adapt.model.kinematics import bone_motions
@@ -130,6 +131,21 @@ def test_the_compiled_chain_moves_as_the_model_does(case: tuple[Body, Joint], be
             for part in ("rotation", "translation", "d_rotation", "d_translation"):
                 expected = getattr(model[bone.name], part)
                 np.testing.assert_allclose(getattr(fast, part)[b], expected, atol=1e-12, err_msg=f"{bone.name} {part}")
+
+
+@pytest.mark.parametrize("beyond", [0.0, 1.5])
+def test_the_compiled_chain_varies_with_landmarks_as_the_model_does(case: tuple[Body, Joint], beyond: float) -> None:
+    body, joint = case
+    rng, n = np.random.default_rng(7), len(body.anatomy.coordinates)
+    chain = prepare_chain(body.anatomy, seeded(body.p.value))
+    for theta in thetas_of(body, joint):
+        there = theta + beyond * rng.uniform(-1.0, 1.0, n)
+        model = bone_motions(body.anatomy, there, seeded(body.p.value, spare=n))
+        fast = move_bones(chain, there)
+        for b, bone in enumerate(body.anatomy.bones):
+            for part in ("rotation", "translation", "d_rotation", "d_translation"):
+                expected = getattr(model[bone.name], part)
+                np.testing.assert_allclose(getattr(fast, part)[b], expected, atol=1e-11, err_msg=f"{bone.name} {part}")
 
 
 def test_the_mirror_image_moves_as_the_mirror_image(case: tuple[Body, Joint]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.correspondences import Correspondences
-from adapt.model.variation import Points
+from adapt.model.variation import Points, mere_points
+from capture.compiled import compiled_sums
 
 SEARCH_PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point, as in the paper: forgiving from far away,
 PLANE_WEIGHT = 100.0  # but sliding along the skin creeps: from near by the points count less
@@ -40,35 +42,54 @@ def data_term(
     0.5 sum_i w_i [P (n_i . (v_i - t_i))^2 + |v_i - t_i|^2] / ((P + 1) sigma^2), with P the plane's weight and w_i
     (M,) the number of independent observations that the vertex stands for.
     """
-    scale, residual = _data_residual(skin.value, matches, weights, plane_weight)
-    n = skin.d.shape[2]
-    across = (scale[:, None, None] * skin.d).reshape(-1, n)
-    along = np.sqrt(plane_weight) * np.matmul(matches.normal[:, None, :], across.reshape(-1, 3, n))[:, 0]
-    point, plane = residual[:, :3].ravel(), residual[:, 3]
-    return Quadratic(
-        0.5 * float(np.vdot(residual, residual)),
-        across.T @ point + along.T @ plane,
-        across.T @ across + along.T @ along,
-    )
+    jacobian, residual = weighted(skin, matches, weights, plane_weight=plane_weight)
+    flat, far = jacobian.reshape(-1, skin.d.shape[2]), residual.ravel()
+    return Quadratic(0.5 * float(np.vdot(far, far)), flat.T @ far, flat.T @ flat)
 
 
 def data_energy(
     skin: Floats, matches: Correspondences, weights: Floats, *, plane_weight: float = PLANE_WEIGHT
 ) -> float:
     """The energy of ``data_term`` alone, for matched skin points (M, 3)."""
-    _, residual = _data_residual(skin, matches, weights, plane_weight)
+    _, residual = weighted(mere_points(skin), matches, weights, plane_weight=plane_weight)
     return 0.5 * float(np.vdot(residual, residual))
 
 
-def _data_residual(
-    skin: Floats, matches: Correspondences, weights: Floats, plane_weight: float
-) -> tuple[Floats, Floats]:
-    """The scale (M,) of each match, and its residuals (M, 4): between the points (3), then along the normal (1)."""
+def weighted(skin: Points, matches: Correspondences, weights: Floats, *, plane_weight: float) -> tuple[Floats, Floats]:
+    """J (M, 3, n) and r (M, 3) of which ``data_term`` is made: the energy is 0.5 |r|^2, and J is r's derivative.
+
+    With the scale s = w / ((P + 1) sigma^2) of a match, (v - t) is multiplied by the root of its metric,
+    s^(1/2) (I + ((1 + P)^(1/2) - 1) n n^T).
+    """
+    jacobian, residual = np.zeros_like(skin.d), np.zeros_like(skin.value)
     scale = np.sqrt(weights / ((plane_weight + 1.0) * SIGMA_M**2))
-    residual = np.zeros((len(skin), 4))
-    residual[:, :3] = scale[:, None] * (skin - matches.target)
-    residual[:, 3] = np.sqrt(plane_weight) * np.einsum("ij,ij->i", matches.normal, residual[:, :3])
-    return scale, residual
+    more = math.sqrt(1.0 + plane_weight) - 1.0
+    _weigh(skin.d, skin.value, matches.target, matches.normal, scale, more, jacobian, residual)
+    return jacobian, residual
+
+
+@compiled_sums
+def _weigh(
+    d: Floats,
+    value: Floats,
+    target: Floats,
+    normal: Floats,
+    scale: Floats,
+    more: float,
+    jacobian: Floats,
+    residual: Floats,
+) -> None:
+    for i in range(len(value)):
+        s, a, b, c = scale[i], normal[i, 0], normal[i, 1], normal[i, 2]
+        x, y, z = value[i, 0] - target[i, 0], value[i, 1] - target[i, 1], value[i, 2] - target[i, 2]
+        along = more * (a * x + b * y + c * z)
+        residual[i, 0], residual[i, 1] = s * (x + along * a), s * (y + along * b)
+        residual[i, 2] = s * (z + along * c)
+        for k in range(d.shape[2]):
+            along = more * (a * d[i, 0, k] + b * d[i, 1, k] + c * d[i, 2, k])
+            jacobian[i, 0, k] = s * (d[i, 0, k] + along * a)
+            jacobian[i, 1, k] = s * (d[i, 1, k] + along * b)
+            jacobian[i, 2, k] = s * (d[i, 2, k] + along * c)
 
 
 def gaussian_term(x: Floats, mean: Floats, precision: Floats) -> Quadratic:

@@ -8,30 +8,30 @@ forearm look alike in one pose; alternating between them creeps. Algorithm 3 add
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from adapt.anatomy import Floats
+from adapt.anatomy import Floats, Ints
 from adapt.fit.correspondences import GATE_M, Correspondences, Target
 from adapt.fit.least_squares import (
     PLANE_WEIGHT,
-    SIGMA_M,
     Quadratic,
     data_energy,
-    data_term,
     gaussian_term,
     levenberg_marquardt,
+    weighted,
 )
 from adapt.fit.pose import match_pose, next_gate
 from adapt.fit.priors import range_term
 from adapt.fit.sample import SkinSample
-from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
+from adapt.model.body import Body, make_body, pose_skin, shaped_skin
 from adapt.model.pose_space import wrap
 from adapt.model.shape.prior import shape_precision
-from adapt.model.variation import Points
 from adapt.tissue import TissueField, tissue_field
+from capture.compiled import compiled_sums
 
 _LEAST_KNOWN = 1.0  # curvature by a pose: what no skin in sight tells is known to 1 rad or 1 m
 _STILL = 2e-4  # rad, m, and the scales' 1: what moves less between two updates has converged
@@ -127,23 +127,52 @@ class ShapeEnergy:
     of: Unknowns
     plane_weight: float = PLANE_WEIGHT
 
+    @cached_property
+    def seen(self) -> Ints:
+        """The vertices (U,) that any of the clouds matches."""
+        return np.unique(np.concatenate([match.vertex for match in self.matches]))
+
+    @cached_property
+    def modes(self) -> Floats:
+        """The tissue's modes (U, q) at these vertices."""
+        return tissue_field(self.body.anatomy).modes[self.seen]
+
+    @cached_property
+    def rows(self) -> list[Ints]:
+        """Where each cloud's matched vertices stand among them."""
+        return [np.searchsorted(self.seen, match.vertex) for match in self.matches]
+
     def quadratic(self, x: Floats) -> Quadratic:
-        """The energy with its gradient and its arrow-shaped normal matrix."""
-        of, moved = self.of, self.at(x)
-        gradient, hessian = np.zeros(len(x)), np.zeros((len(x), len(x)))
+        """The energy with its gradient and its arrow-shaped normal matrix.
+
+        A vertex moves with the tissue along one direction only, so the tissue's columns are never written out: what
+        that direction shares with each of the others, vertex by vertex, is multiplied by the modes in the end.
+        """
+        of, gradient, hessian = self.of, np.zeros(len(x)), np.zeros((len(x), len(x)))
         shape, thickness = self._expected(x), x[of.tissue]
         energy = shape.energy + 0.5 * float(thickness @ thickness)
         gradient[: of.m], hessian[: of.m, : of.m] = shape.gradient, shape.hessian
         gradient[of.tissue], hessian[of.tissue, of.tissue] = thickness, np.eye(of.q)
-        for k, match in enumerate(self.matches):
-            index = np.r_[of.pose(k), 0 : of.m, of.tissue]
-            data = _pose_data(moved, x[of.pose(k)], match, self.sample, self.plane_weight)
-            limits = range_term(moved.anatomy, x[of.pose(k)])
-            energy += data.energy + limits.energy
-            gradient[index] += data.gradient
-            gradient[of.pose(k)] += limits.gradient
-            hessian[np.ix_(index, index)] += data.hessian
-            hessian[of.pose(k), of.pose(k)] += limits.hessian + _LEAST_KNOWN * np.eye(of.n)
+        skin = shaped_skin(self.at(x), self.seen, along=tissue_field(self.body.anatomy).normals[self.seen])
+        others = np.delete(np.arange(len(x)), of.tissue)
+        shares = np.zeros((len(self.seen), len(others) + 2))  # then with itself, and with how far the skin is off
+        for k, (match, rows) in enumerate(zip(self.matches, self.rows, strict=True)):
+            weights, pose = self.sample.observations[match.vertex], of.pose(k)
+            jacobian, far = weighted(skin.posed(x[pose], rows), match, weights, plane_weight=self.plane_weight)
+            limits, index = range_term(self.body.anatomy, x[pose]), np.r_[pose, 0 : of.m]
+            energy += 0.5 * float(np.vdot(far, far)) + limits.energy
+            flat = jacobian.reshape(far.size, jacobian.shape[2])
+            gradient[index] += (flat.T @ far.ravel())[:-1]
+            hessian[np.ix_(index, index)] += (flat.T @ flat)[:-1, :-1]
+            gradient[pose] += limits.gradient
+            hessian[pose, pose] += limits.hessian + _LEAST_KNOWN * np.eye(of.n)
+            _add_shares(shares, rows, jacobian, far, of.m + k * of.n, of.n)
+        cross = self.modes.T @ shares
+        gradient[of.tissue] += cross[:, -1]
+        hessian[np.ix_(np.arange(of.m, of.m + of.q), others)] = cross[:, :-2]
+        hessian[np.ix_(others, np.arange(of.m, of.m + of.q))] = cross[:, :-2].T
+        rooted = np.sqrt(shares[:, -2])[:, None] * self.modes
+        hessian[of.tissue, of.tissue] += rooted.T @ rooted  # a product with itself costs half of one with another
         return Quadratic(energy, gradient, hessian)
 
     def value(self, x: Floats) -> float:
@@ -159,31 +188,40 @@ class ShapeEnergy:
 
     def at(self, x: Floats) -> Body:
         """The body at x. A trial step may leave the model's domain: then the nearest valid one."""
-        anatomy, shape = self.body.anatomy, self.body.affine.nearest_possible(x[: self.of.m])
-        grown = tissue_field(anatomy).displacement(x[self.of.tissue])
-        return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
+        return self._bodies(x[: self.of.m + self.of.q].tobytes())
+
+    @cached_property
+    def _bodies(self) -> Callable[[bytes], Body]:
+        """The body of shape and tissue; it is kept a while, for where a step ends the next one starts."""
+
+        @lru_cache(maxsize=2)
+        def body(of: bytes) -> Body:
+            x, anatomy = np.frombuffer(of), self.body.anatomy
+            grown = tissue_field(anatomy).displacement(x[self.of.tissue])
+            shape = self.body.affine.nearest_possible(x[: self.of.m])
+            return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
+
+        return body
 
     def _expected(self, x: Floats) -> Quadratic:
         affine = self.body.affine
         return gaussian_term(x[: self.of.m], affine.identity, shape_precision(self.body.anatomy, affine))
 
 
-def _pose_data(body: Body, theta: Floats, match: Correspondences, sample: SkinSample, plane_weight: float) -> Quadratic:
-    """The data term of one pose by [theta, shape, tissue].
+@compiled_sums
+def _add_shares(shares: Floats, rows: Ints, jacobian: Floats, far: Floats, first: int, n: int) -> None:
+    """Adds what the last column of J (M, 3, n + m + 1), the tissue's direction, shares with all columns and with r.
 
-    A vertex moves with the tissue along one direction only, so the tissue's columns are never written out.
+    ``shares`` (U, m + K n + 2) has the shape's columns, the poses' (this one's from the ``first`` on), the direction's
+    own, and that of r (M, 3).
     """
-    i, weights, tissue = match.vertex, sample.observations[match.vertex], tissue_field(body.anatomy)
-    skin = pose_skin_varying(body, theta, with_shape=True, along=tissue.normals[i], vertices=i)
-    by_pose_and_shape, direction = skin.d[:, :, :-1], skin.d[:, :, -1]
-    lean = data_term(Points(skin.value, by_pose_and_shape), match, weights, plane_weight=plane_weight)
-    scale = weights / ((plane_weight + 1.0) * SIGMA_M**2)
-    along = np.einsum("ij,ij->i", match.normal, direction)
-    pulled = scale[:, None] * (plane_weight * along[:, None] * match.normal + direction)  # metric times direction
-    modes = tissue.modes[i]
-    gradient = modes.T @ np.einsum("ij,ij->i", pulled, skin.value - match.target)
-    cross = modes.T @ np.matmul(pulled[:, None, :], by_pose_and_shape)[:, 0]
-    rooted = np.sqrt(np.einsum("ij,ij->i", pulled, direction))[:, None] * modes
-    own = rooted.T @ rooted  # a product with itself costs half of one with another matrix
-    hessian = np.block([[lean.hessian, cross.T], [cross, own]])
-    return Quadratic(lean.energy, np.concatenate([lean.gradient, gradient]), hessian)
+    own, m = jacobian.shape[2] - 1, jacobian.shape[2] - 1 - n
+    for i in range(len(rows)):
+        here, share = jacobian[i], shares[rows[i]]
+        x, y, z = here[0, own], here[1, own], here[2, own]
+        for k in range(n):
+            share[first + k] = x * here[0, k] + y * here[1, k] + z * here[2, k]
+        for k in range(m):
+            share[k] += x * here[0, n + k] + y * here[1, n + k] + z * here[2, n + k]
+        share[len(share) - 2] += x * x + y * y + z * z
+        share[len(share) - 1] += x * far[i, 0] + y * far[i, 1] + z * far[i, 2]

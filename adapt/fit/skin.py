@@ -12,6 +12,7 @@ tissue under vertex i allows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -31,8 +32,35 @@ _SOFT_PATCH_M2 = 0.04**2  # soft tissue of a patch of this area moves as one
 _LEAST_DEVIATION_M = 0.001  # skin over bone can still differ by this much
 
 
-def fit_skin(body: Body, thetas: Floats, matches: list[Correspondences], sample: SkinSample) -> Body:
+class Factor:
+    """The factor that makes solving for the skin fast, kept from one update to the next.
+
+    The first update's serves the others as well: systems of bodies so near to each other take no more steps with it.
+    """
+
+    def __init__(self) -> None:
+        self._solve: Callable[[Floats], Floats] | None = None
+
+    def of(self, blocks: Floats, smooth: sparse.csr_matrix) -> Callable[[Floats], Floats]:
+        """What solves for (V, 3), nearly: one factor for all coordinates, without the blocks' anisotropy."""
+        if self._solve is None:
+            isotropic = sparse.diags(np.trace(blocks, axis1=1, axis2=2) / 3.0)
+            factor = splu((isotropic + smooth).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            self._solve = factor.solve
+        return self._solve
+
+
+def fit_skin(
+    body: Body,
+    thetas: Floats,
+    matches: list[Correspondences],
+    sample: SkinSample,
+    *,
+    factor: Factor | None = None,
+) -> Body:
     """The body with its v_hat moved towards K clouds, for fixed poses (K, n), shape and matches.
+
+    ``factor`` is one that earlier updates have used.
 
     Raises:
         FitError: the linear system could not be solved.
@@ -49,9 +77,7 @@ def fit_skin(body: Body, thetas: Floats, matches: list[Correspondences], sample:
         d = flat.reshape(-1, 3)
         return np.asarray(np.einsum("ijk,ik->ij", blocks, d) + smooth @ d).ravel()
 
-    # One factor serves all three coordinates; it differs from the system only in the blocks' anisotropy.
-    isotropic = sparse.diags(np.trace(blocks, axis1=1, axis2=2) / 3.0)
-    factor = splu((isotropic + smooth).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    solve = (factor or Factor()).of(blocks, smooth)
     size = (displacement.size, displacement.size)
     solution, status = cg(
         LinearOperator(size, matvec=apply_system, dtype=np.float64),
@@ -59,7 +85,7 @@ def fit_skin(body: Body, thetas: Floats, matches: list[Correspondences], sample:
         x0=displacement.ravel(),
         rtol=1e-6,
         maxiter=500,
-        M=LinearOperator(size, matvec=lambda r: factor.solve(r.reshape(-1, 3)).ravel(), dtype=np.float64),
+        M=LinearOperator(size, matvec=lambda r: solve(r.reshape(-1, 3)).ravel(), dtype=np.float64),
     )
     if status != 0:
         raise FitError("the skin's linear system did not converge", remedy="report this with the recording")

@@ -5,18 +5,20 @@ v_i(theta, a, v_hat) = sum_d w_{d,i} D_d(theta, p(a), v_tilde_i(a, v_hat)).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.model.deformers import Bound, bind, bone_shares, carry
+from adapt.model.deformers import bind, bone_shares
+from adapt.model.deformers.deformer_type import Bound
 from adapt.model.frames import frame_from_landmarks, landmark_mean
-from adapt.model.handles import deform, deform_varying, handle_positions, local_scale
+from adapt.model.handles import d_deform_d_shape, deform, deform_varying, handle_positions, local_scale
 from adapt.model.hot.chain import Chain
-from adapt.model.hot.prepared import prepare_chain, prepare_skin
+from adapt.model.hot.prepared import prepare_chain, prepare_skin, prepare_varying_skin
+from adapt.model.hot.shaped_skin import Varying, pose_varying_rows
 from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import rest_pose
@@ -44,27 +46,32 @@ class Body:
         return self.affine.handle_parameters(self.shape)
 
     @cached_property
+    def rest_skin(self) -> Floats:
+        """Rest skin (V, 3) after anthropometric deformation: the values of ``v_tilde`` alone."""
+        return deform(self.v_hat, self.anatomy.skin_handle_weights, handle_positions(self.anatomy), self.a)
+
+    @cached_property
     def v_tilde(self) -> Points:
         """Rest skin (V, 3) after anthropometric deformation, varying with the shape."""
-        return self._deformed(self.v_hat, self.anatomy.skin_handle_weights)
+        return self.rest_skin_varying(slice(None))
+
+    def rest_skin_varying(self, vertices: Ints | slice) -> Points:
+        """The same of some vertices."""
+        weights, positions = self.anatomy.skin_handle_weights[vertices], handle_positions(self.anatomy)
+        by_shape = d_deform_d_shape(self.v_hat[vertices], weights, positions, self.affine.basis)
+        return Points(self.rest_skin[vertices], by_shape)
 
     @cached_property
     def p(self) -> Points:
         """Landmarks (P, 3), varying with the shape."""
-        return self._deformed(self.anatomy.landmarks, self.anatomy.landmark_handle_weights)
+        weights, positions = self.anatomy.landmark_handle_weights, handle_positions(self.anatomy)
+        return deform_varying(self.anatomy.landmarks, weights, positions, self.a, self.affine.basis)
 
     @cached_property
     def bound_skin(self) -> tuple[Bound, ...]:
         """The whole rest skin bound to each deformer, as it is when only the pose varies."""
-        p, skin = constant_points(self.p.value, 1), still_points(self.v_tilde.value)
+        p, skin = constant_points(self.p.value, 1), still_points(self.rest_skin)
         return tuple(bind(self.anatomy, deformer, p, skin) for deformer in self.anatomy.deformers)
-
-    @cached_property
-    def bound_varying(self) -> tuple[Points, tuple[Bound, ...]]:
-        """Landmarks, and the whole rest skin bound to each deformer: varying with the shape, after theta's columns."""
-        n = len(self.anatomy.coordinates)
-        p, skin = (_among(points, n, np.zeros((len(points.value), 3, 0))) for points in (self.p, self.v_tilde))
-        return p, tuple(bind(self.anatomy, deformer, p, skin) for deformer in self.anatomy.deformers)
 
     @cached_property
     def skin_riding(self) -> Floats:
@@ -80,7 +87,19 @@ class Body:
     def prepared(self) -> tuple[Chain, BoundSkin, Ints]:
         """The same for the compiled loops, with the joints, and the rows (V,) of the whole skin."""
         skin = prepare_skin(self.anatomy, self.bound_skin)
-        return prepare_chain(self.anatomy, self.p.value), skin, np.arange(len(self.v_hat))
+        return prepare_chain(self.anatomy, constant_points(self.p.value, 0)), skin, np.arange(len(self.v_hat))
+
+    @cached_property
+    def shaped(self) -> ShapedSkin:
+        """The whole skin as it varies with pose and shape."""
+        return shaped_skin(self, np.arange(len(self.v_hat)))
+
+    @cached_property
+    def grown(self) -> ShapedSkin:
+        """The whole skin as it varies with pose and each vertex's own template vertex."""
+        scale = local_scale(self.anatomy.skin_handle_weights, self.a)
+        skin, p = Points(self.rest_skin, scale[:, None, None] * np.eye(3)), constant_points(self.p.value, 3)
+        return _prepared_varying(self, np.arange(len(self.v_hat)), skin, p)
 
     @cached_property
     def rest_bones(self) -> dict[str, Floats]:
@@ -88,8 +107,40 @@ class Body:
         positions = handle_positions(self.anatomy)
         return {b.name: deform(b.vertices, b.handle_weights, positions, self.a) for b in self.anatomy.bones}
 
-    def _deformed(self, points: Floats, weights: Floats) -> Points:
-        return deform_varying(points, weights, handle_positions(self.anatomy), self.a, self.affine.basis)
+
+@dataclass(frozen=True, eq=False)
+class ShapedSkin:
+    """Some vertices of a body's skin, prepared for pose after pose with derivatives by the body's parameters, too."""
+
+    chain: Chain = field(repr=False)
+    skin: BoundSkin = field(repr=False)
+    varying: Varying = field(repr=False)
+
+    def posed(self, theta: Floats, rows: Ints) -> Points:
+        """Posed skin of some ``rows`` of the vertices, with its derivative by theta, then by the parameters."""
+        pose = np.asarray(theta, dtype=np.float64)
+        return Points(*pose_varying_rows(self.chain, self.skin, self.varying, pose, rows))
+
+
+def shaped_skin(body: Body, vertices: Ints, *, along: Floats | None = None) -> ShapedSkin:
+    """Some ``vertices`` (N,) of a body's skin as they vary with the shape.
+
+    ``along`` (N, 3) are directions: one more parameter is how far each vertex's OWN template vertex v_hat_i moves along
+    its direction.
+    """
+    skin, p = body.rest_skin_varying(vertices), body.p
+    if along is not None:
+        own = local_scale(body.anatomy.skin_handle_weights[vertices], body.a)[:, None] * along
+        skin = Points(skin.value, np.concatenate([skin.d, own[:, :, None]], axis=2))
+        p = Points(p.value, np.concatenate([p.d, np.zeros((len(p.value), 3, 1))], axis=2))
+    return _prepared_varying(body, vertices, skin, p)
+
+
+def _prepared_varying(body: Body, vertices: Ints, skin: Points, p: Points) -> ShapedSkin:
+    """Rest skin of some vertices and landmarks, which vary with the same parameters."""
+    anatomy = body.anatomy
+    skin_and_how = prepare_varying_skin(anatomy, p, skin, anatomy.deformer_weights[vertices])
+    return ShapedSkin(prepare_chain(anatomy, p), *skin_and_how)
 
 
 def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | None = None) -> Body:
@@ -121,29 +172,13 @@ def pose_skin(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Flo
     return pose_rows(chain, skin, np.asarray(theta, dtype=np.float64), rows, varying=False)[0]
 
 
-def pose_skin_varying(
-    body: Body,
-    theta: Floats,
-    *,
-    with_shape: bool = False,
-    along: Floats | None = None,
-    vertices: Ints | None = None,
-) -> Points:
-    """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (next columns).
-
-    ``along`` (V, 3), or for some ``vertices`` only, are directions: with the shape, one more column is the derivative
-    by how far each vertex's OWN template vertex v_hat_i moves along its direction.
-    """
-    if not with_shape:
-        chain, bound_skin, everything = body.prepared
-        rows = everything if vertices is None else vertices
-        return Points(*pose_rows(chain, bound_skin, np.asarray(theta, dtype=np.float64), rows, varying=True))
-    if along is None:  # then it is kept for the body's next pose
-        p, kept = body.bound_varying
-        bound = kept if vertices is None else tuple(one.at(vertices) for one in kept)
-    else:
-        p, bound = _bound_along(body, along, vertices)
-    return _blend(body.anatomy, bone_motions(body.anatomy, theta, p), bound, vertices, columns=p.n)
+def pose_skin_varying(body: Body, theta: Floats, *, with_shape: bool = False, vertices: Ints | None = None) -> Points:
+    """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (next columns)."""
+    chain, skin, everything = body.prepared
+    rows = everything if vertices is None else vertices
+    if with_shape:
+        return body.shaped.posed(theta, rows)
+    return Points(*pose_rows(chain, skin, np.asarray(theta, dtype=np.float64), rows, varying=True))
 
 
 def pose_skin_by_v_hat(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Points:
@@ -151,11 +186,8 @@ def pose_skin_by_v_hat(body: Body, theta: Floats, *, vertices: Ints | None = Non
 
     A vertex does not depend on any other vertex of v_hat.
     """
-    rows = slice(None) if vertices is None else vertices
-    scale = local_scale(body.anatomy.skin_handle_weights[rows], body.a)
-    skin, p = Points(body.v_tilde.value[rows], scale[:, None, None] * np.eye(3)), constant_points(body.p.value, 3)
-    bound = [bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers]
-    return _blend(body.anatomy, _still_motions(body, theta, columns=3), bound, vertices, columns=3)
+    posed = body.grown.posed(theta, np.arange(len(body.v_hat)) if vertices is None else vertices)
+    return Points(posed.value, posed.d[:, :, len(theta) :])
 
 
 def bone_transforms(body: Body, theta: Floats) -> dict[str, Floats]:
@@ -189,45 +221,6 @@ def joint_centres(body: Body, theta: Floats) -> dict[str, Floats]:
     return centres
 
 
-def _blend(
-    anatomy: Anatomy,
-    motions: Mapping[str, Motion],
-    bound: Sequence[Bound],
-    vertices: Ints | None,
-    *,
-    columns: int,
-) -> Points:
-    """Equation 3 for some vertices, with so many columns of derivatives."""
-    weights = anatomy.deformer_weights if vertices is None else anatomy.deformer_weights[vertices]
-    value, d = np.zeros((len(weights), 3)), np.zeros((len(weights), 3, columns))
-    for deformer, skin, share in zip(anatomy.deformers, bound, weights.T, strict=True):
-        rows = _touched(share)
-        moved = carry(deformer, skin.at(rows), motions)
-        value[rows] += share[rows, None] * moved.value
-        d[rows] += share[rows, None, None] * moved.d
-    return Points(value, d)
-
-
-def _touched(share: Floats) -> Ints | slice:
-    """Where a deformer has weight (N,); everywhere if that is mostly so, because picking costs more than it saves."""
-    rows = np.flatnonzero(share)
-    return rows if len(rows) < 0.5 * len(share) else slice(None)
-
-
-def _bound_along(body: Body, along: Floats, vertices: Ints | None) -> tuple[Points, tuple[Bound, ...]]:
-    """``bound_varying`` of some vertices, with one more column for the template vertices' moves ``along`` (N, 3)."""
-    n, rows = len(body.anatomy.coordinates), np.arange(len(body.v_hat)) if vertices is None else vertices
-    own = (local_scale(body.anatomy.skin_handle_weights[rows], body.a)[:, None] * along)[:, :, None]
-    p = _among(body.p, n, np.zeros((len(body.p.value), 3, 1)))
-    skin = _among(body.v_tilde.at(rows), n, own)
-    return p, tuple(bind(body.anatomy, deformer, p, skin) for deformer in body.anatomy.deformers)
-
-
-def _among(points: Points, n_theta: int, own: Floats) -> Points:
-    """The same points with the (zero) columns of theta before the shape's, and ``own`` columns (N, 3, k) after them."""
-    return Points(points.value, np.concatenate([np.zeros((*points.value.shape, n_theta)), points.d, own], axis=2))
-
-
 def _motions(body: Body, theta: Floats) -> Mapping[str, Motion]:
     """T_b of every bone, varying with theta."""
     return _kept_motions(body, np.asarray(theta, dtype=np.float64).tobytes())
@@ -238,10 +231,3 @@ def _kept_motions(body: Body, theta: bytes) -> Mapping[str, Motion]:
     """They are kept a while because a pose is asked for several things in a row: matches, derivatives, bones."""
     pose = np.frombuffer(theta)
     return bone_motions(body.anatomy, pose, constant_points(body.p.value, len(pose)))
-
-
-def _still_motions(body: Body, theta: Floats, *, columns: int = 0) -> dict[str, Motion]:
-    """The same with so many columns of zeros for derivatives."""
-    none = np.zeros((3, columns))
-    motions = _motions(body, theta)
-    return {name: Motion(motion.rotation, motion.translation, none, none) for name, motion in motions.items()}

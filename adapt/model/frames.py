@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
-from adapt.model.variation import Motion, Points
+from adapt.model.variation import Line, Motion, Points
 from capture.rigid import hat
 
 
@@ -21,6 +21,13 @@ def line_through(anatomy: Anatomy, axis: tuple[str, str], landmarks: Floats) -> 
     """A point (3,) and the direction (3,) of the line through two of the landmarks (P, 3), from the first."""
     first, second = (landmarks[anatomy.landmark_index(name)] for name in axis)
     return first, (second - first) / np.linalg.norm(second - first)
+
+
+def varying_line(anatomy: Anatomy, axis: tuple[str, str], p: Points) -> Line:
+    """The same of landmarks that vary."""
+    first, second = (anatomy.landmark_index(name) for name in axis)
+    direction, d_direction = unit(p.value[second] - p.value[first], p.d[second] - p.d[first])
+    return Line(p.value[first], direction, p.d[first], d_direction)
 
 
 def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:

@@ -60,6 +60,16 @@ class Motion:
         return matrix
 
 
+@dataclass(frozen=True)
+class Line:
+    """A line through a point (3,) m along a direction (3,) of length 1, with the derivatives (3, n) of both."""
+
+    point: Floats
+    direction: Floats
+    d_point: Floats
+    d_direction: Floats
+
+
 def constant_points(value: Floats, n: int) -> Points:
     """Points (N, 3) that vary with none of the n parameters."""
     return Points(value, np.zeros((*value.shape, n)))

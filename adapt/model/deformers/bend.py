@@ -116,9 +116,10 @@ class Bend(DeformerType):
 
     def layout(self, bound: BoundBend) -> Layout:
         """The points, their slices, and the joint's centre with no rotation, on either bone."""
-        still = np.zeros((3, 0))
-        centre = Motion(np.eye(3), bound.centre.value[0], still, still)
-        return Layout(BENDING, bound.skin.value, bound.t, bound.width, (centre, centre), bound.axis.value[0])
+        d_centre, axis, by = bound.centre.d[0], bound.axis, {"d_t": bound.dt, "d_width": bound.d_width}
+        centre = Motion(np.eye(3), bound.centre.value[0], np.zeros_like(d_centre), d_centre)
+        ends = (centre, centre)
+        return Layout(BENDING, bound.skin.value, bound.t, bound.width, ends, axis.value[0], d_axis=axis.d[0], **by)
 
     def turning_frames(
         self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBend

@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
-from adapt.model.deformers.between import BoundBetween, bind_between, carry_between
+from adapt.model.deformers.between import BoundBetween, between_layout, bind_between, carry_between
 from adapt.model.deformers.deformer_type import DeformerType
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.layout import TURNING, Layout
+from adapt.model.hot.layout import Layout
 from adapt.model.variation import Motion, Points
 
 
@@ -45,7 +45,7 @@ class Forearm(DeformerType):
 
     def layout(self, bound: BoundBetween) -> Layout:
         """The points in their blended frames, and the two frames."""
-        return Layout(TURNING, bound.local.value, bound.t, ends=(bound.proximal, bound.distal))
+        return between_layout(bound)
 
     def turning_frames(
         self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBetween

@@ -1,4 +1,8 @@
-"""The chain of joints (adapt.model.kinematics) for one body: from theta to every bone's motion and its derivatives."""
+"""The chain of joints (adapt.model.kinematics) for one body: from theta to every bone's motion and its derivatives.
+
+Columns of derivatives are theta's n first, then the m of whatever the landmarks vary with: none in tracking, the shape
+in adapting.
+"""
 
 from __future__ import annotations
 
@@ -32,45 +36,54 @@ class Chain(NamedTuple):
     pieces: Floats  # (S, 4, K - 1, 6) of a glide: r (rad) and o (m) as cubics of q - knot, highest power first
     after_rotation: Floats  # (S, 3, 3) of A
     after_translation: Floats  # (S, 3)
+    d_point: Floats  # (S, 3, m), and so on
+    d_direction: Floats
+    d_pieces: Floats  # (S, 4, K - 1, 6, m)
+    d_after_rotation: Floats  # (S, 3, m)
+    d_after_translation: Floats
 
 
 class Bones(NamedTuple):
-    """Motions of B bones with their derivatives by n coordinates, as in ``adapt.model.variation.Motion``.
+    """Motions of B bones with their n + m derivatives, as in ``adapt.model.variation.Motion``.
 
     The last one is no bone but the recording's frame, which stays where it is.
     """
 
     rotation: Floats  # (B, 3, 3)
     translation: Floats  # (B, 3)
-    d_rotation: Floats  # (B, 3, n)
-    d_translation: Floats  # (B, 3, n)
+    d_rotation: Floats  # (B, 3, n + m)
+    d_translation: Floats  # (B, 3, n + m)
 
 
 class _Step(NamedTuple):
-    """One elementary motion H, with the derivatives of its rotation and translation by its own coordinates."""
+    """One elementary motion H, with the derivatives of its rotation and translation: its own six, then the m."""
 
     rotation: Floats  # (3, 3)
     translation: Floats  # (3,)
-    d_rotation: Floats  # (3, 6)
-    d_translation: Floats  # (3, 6)
+    d_rotation: Floats  # (3, 6 + m)
+    d_translation: Floats  # (3, 6 + m)
 
 
 def move_bones(chain: Chain, theta: Floats) -> Bones:
     """T_b of every bone."""
-    n, count = len(theta), int(chain.bone.max()) + 2
+    count, m = int(chain.bone.max()) + 2, chain.d_point.shape[2]
+    n = len(theta) + m
     bones = Bones(np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3, n)), np.zeros((count, 3, n)))
     bones.rotation[-1] = np.eye(3)
-    room = _Step(np.zeros((3, 3)), np.zeros(3), np.zeros((3, 6)), np.zeros((3, 6)))
+    room = _Step(np.zeros((3, 3)), np.zeros(3), np.zeros((3, 6 + m)), np.zeros((3, 6 + m)))
     outer = _Step(np.zeros((3, 3)), np.zeros(3), np.zeros((3, n)), np.zeros((3, n)))
-    _move(chain, theta, bones, room, outer, np.zeros(3), np.zeros((3, 3)))
+    _move(chain, theta, bones, room, outer, np.zeros(3), np.zeros((3, 3)), np.zeros((3, m)))
     return bones
 
 
 @compiled
-def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: Floats, g: Floats) -> None:
+def _move(
+    chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: Floats, g: Floats, varied: Floats
+) -> None:
+    m = varied.shape[1]
     for s in range(len(chain.kind)):
         for i in range(3):
-            for c in range(6):
+            for c in range(6 + m):
                 h.d_rotation[i, c], h.d_translation[i, c] = 0.0, 0.0
         own = 1
         if chain.kind[s] == PLACE:
@@ -84,10 +97,17 @@ def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: 
         elif chain.kind[s] == SCREW:
             step = theta[chain.coordinates[s, 0]] - chain.rest[s]
             _screw(chain.direction[s], chain.point[s], chain.turn[s], chain.shift[s], step, h, q, g)
+            if m > 0:
+                _vary_screw(chain, s, step, h, q, g, varied)
         else:
-            _glide(chain.knots[s], chain.pieces[s], theta[chain.coordinates[s, 0]], h, q, g)
+            at = theta[chain.coordinates[s, 0]]
+            _glide(chain.knots[s], chain.pieces[s], at, h, q, g)
+            if m > 0:
+                _vary_glide(chain.knots[s], chain.d_pieces[s], at, h, q, varied)
         turn(g, chain.after_translation[s], q)
         add_cross(q, h.d_rotation, -1.0, h.d_translation)
+        add_product(g, chain.d_after_rotation[s], h.d_rotation[:, 6:])
+        add_product(g, chain.d_after_translation[s], h.d_translation[:, 6:])
         for i in range(3):
             h.translation[i] += q[i]
             for j in range(3):
@@ -100,6 +120,8 @@ def _move(chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: 
                 for j in range(3):
                     bones.d_rotation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_rotation[j, c]
                     bones.d_translation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_translation[j, c]
+        add_product(outer.rotation, h.d_rotation[:, 6:], bones.d_rotation[chain.bone[s]][:, len(theta) :])
+        add_product(outer.rotation, h.d_translation[:, 6:], bones.d_translation[chain.bone[s]][:, len(theta) :])
 
 
 @compiled
@@ -119,12 +141,60 @@ def _screw(
 
 
 @compiled
+def _vary_screw(chain: Chain, s: int, step: float, h: _Step, q: Floats, g: Floats, varied: Floats) -> None:
+    """What a screw varies by when its line does; ``g`` is its rotation R.
+
+    By the direction u: J_l(angle u) angle du, and a shift along du. By the point f: df - R df + R f x the turn's.
+    """
+    by_line, d_point = h.d_rotation[:, 6:], chain.d_point[s]
+    jacobian = np.zeros((3, 3))
+    for i in range(3):
+        q[i] = chain.turn[s] * step * chain.direction[s, i]
+    left_jacobian(q, jacobian)
+    for i in range(3):
+        for k in range(varied.shape[1]):
+            varied[i, k] = chain.turn[s] * step * chain.d_direction[s, i, k]
+            h.d_translation[i, 6 + k] += d_point[i, k] + chain.shift[s] * step * chain.d_direction[s, i, k]
+            h.d_translation[i, 6 + k] -= g[i, 0] * d_point[0, k] + g[i, 1] * d_point[1, k] + g[i, 2] * d_point[2, k]
+    add_product(jacobian, varied, by_line)
+    turn(g, chain.point[s], q)
+    add_cross(q, by_line, 1.0, h.d_translation[:, 6:])
+
+
+@compiled
+def _vary_glide(knots: Floats, d_pieces: Floats, at: float, h: _Step, r: Floats, varied: Floats) -> None:
+    """What a glide varies by when its cubics do; ``r`` is its rotation vector."""
+    nearest = min(max(at, knots[0]), knots[-1])
+    piece = _piece_at(knots, d_pieces.shape[1], nearest)
+    x = nearest - knots[piece]
+    jacobian = np.zeros((3, 3))
+    left_jacobian(r, jacobian)
+    for j in range(6):
+        for k in range(varied.shape[1]):
+            a, b, c = d_pieces[0, piece, j, k], d_pieces[1, piece, j, k], d_pieces[2, piece, j, k]
+            slope = (3.0 * a * x + 2.0 * b) * x + c
+            value = ((a * x + b) * x + c) * x + d_pieces[3, piece, j, k] + (at - nearest) * slope
+            if j < 3:
+                varied[j, k] = value
+            else:
+                h.d_translation[j - 3, 6 + k] = value
+    add_product(jacobian, varied, h.d_rotation[:, 6:])
+
+
+@compiled
+def _piece_at(knots: Floats, count: int, at: float) -> int:
+    """Which of ``count`` cubics holds where."""
+    piece = 0
+    while piece < count - 1 and at > knots[piece + 1]:
+        piece += 1
+    return piece
+
+
+@compiled
 def _glide(knots: Floats, pieces: Floats, at: float, h: _Step, q: Floats, g: Floats) -> None:
     """G of a glide at a coordinate's value, in straight lines beyond the outermost knots; R goes to ``g``."""
     nearest = min(max(at, knots[0]), knots[-1])
-    piece = 0
-    while piece < pieces.shape[1] - 1 and nearest > knots[piece + 1]:
-        piece += 1
+    piece = _piece_at(knots, pieces.shape[1], nearest)
     x = nearest - knots[piece]
     for j in range(6):
         a, b, c, d = pieces[0, piece, j], pieces[1, piece, j], pieces[2, piece, j], pieces[3, piece, j]

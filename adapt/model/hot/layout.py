@@ -18,7 +18,8 @@ class Layout:
     """N points at rest for one of the loops; what a loop does not use keeps its default.
 
     ``local`` (N, 3) are the points, for TURNING in the blended frames; ``t`` (N,) the shares of the turn; ``ends`` the
-    two frames at rest; ``width`` (N,) m and ``axis`` (3,) are a bend's (deformers.bend).
+    two frames at rest; ``width`` (N,) m and ``axis`` (3,) are a bend's (deformers.bend). The derivatives, of local
+    (N, 3, m) for TURNING alone, have any shape that broadcasts where nothing varies.
     """
 
     kind: int
@@ -27,3 +28,7 @@ class Layout:
     width: Floats | float = 1.0
     ends: tuple[Motion, ...] = ()
     axis: Floats = field(default_factory=lambda: np.zeros(3))
+    d_local: Floats | float = field(default=0.0, repr=False)
+    d_t: Floats | float = 0.0  # (N, m)
+    d_width: Floats | float = 0.0  # (N, m)
+    d_axis: Floats | float = 0.0  # (3, m)

@@ -54,14 +54,14 @@ def pose_rows(chain: Chain, skin: BoundSkin, theta: Floats, rows: Ints, *, varyi
     value, d = np.zeros((len(rows), 3)), np.zeros((len(rows) if varying else 0, 3, len(theta)))
     for deformer, kind in enumerate(skin.kind):
         if kind != TURNING:
-            _add_rigid(bones, skin, deformer, rows, value, d)
+            add_rigid(bones, skin, deformer, rows, value, d)
         if kind != RIGID:
-            _add_between(_between(bones, skin, deformer), skin, deformer, rows, value, d)
+            add_between(between(bones, skin, deformer), skin, deformer, rows, value, d)
     return value, d
 
 
 @compiled
-def _add_rigid(bones: Bones, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
+def add_rigid(bones: Bones, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
     """Rows that ride on one bone: all of a rigid deformer's, and those before and beyond a bend."""
     for m in range(len(rows)):
         i = rows[m]
@@ -86,7 +86,7 @@ def _add_rigid(bones: Bones, skin: BoundSkin, deformer: int, rows: Ints, value: 
 
 
 @compiled
-def _add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
+def add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
     """Rows that ride on the frames between two bones."""
     origin, spin, glide, angle = g.origin, g.d_rotation, g.d_origin, g.angle_and_mitre[0]
     bend = skin.kind[deformer] == BENDING
@@ -103,7 +103,7 @@ def _add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: 
             for k in range(3):
                 blended[j, k] = g.rotation[0, j, k] + s * g.rotation[1, j, k] + v * g.rotation[2, j, k]
         if bend:
-            by_reach, by_mitre = _squeeze(g, skin.axis[deformer], t, skin.width[deformer, i], arm, across)
+            by_reach, by_mitre, _ = squeeze(g, skin.axis[deformer], t, skin.width[deformer, i], arm, across)
         x = blended[0, 0] * arm[0] + blended[0, 1] * arm[1] + blended[0, 2] * arm[2]
         y = blended[1, 0] * arm[0] + blended[1, 1] * arm[1] + blended[1, 2] * arm[2]
         z = blended[2, 0] * arm[0] + blended[2, 1] * arm[1] + blended[2, 2] * arm[2]
@@ -136,14 +136,14 @@ def _add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: 
 
 
 @compiled
-def _squeeze(g: Between, u: Floats, t: float, width: float, arm: Floats, across: Floats) -> tuple[float, float]:
+def squeeze(g: Between, u: Floats, t: float, width: float, arm: Floats, across: Floats) -> tuple[float, float, float]:
     """Turns an ``arm`` q of a bend into q + (k - 1) q_across, and says q_across.
 
-    Returns the derivatives of k by q . inward and by the mitre, both 0 where slices do not close up.
+    Returns the derivatives of k by q . inward and by the mitre, and k - 1: all 0 where slices do not close up.
     """
     s = (arm[0] * g.inward[0] + arm[1] * g.inward[1] + arm[2] * g.inward[2]) / width
     if s <= 0.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     along, mitre = arm[0] * u[0] + arm[1] * u[1] + arm[2] * u[2], g.angle_and_mitre[1]
     hump, square = 4.0 * t * (1.0 - t), s * s
     onset, over = square / (square + _ONSET), 1.0 + square * square
@@ -153,10 +153,10 @@ def _squeeze(g: Between, u: Floats, t: float, width: float, arm: Floats, across:
     for k in range(3):
         across[k] = arm[k] - along * u[k]
         arm[k] += hump * f * across[k]
-    return hump * by_s / width, hump * onset / over
+    return hump * by_s / width, hump * onset / over, hump * f
 
 
-def _between(bones: Bones, skin: BoundSkin, deformer: int) -> Between:
+def between(bones: Bones, skin: BoundSkin, deformer: int) -> Between:
     """The frames between a deformer's two bones: all turn about the one axis rho (``blended_frames``)."""
     n = bones.d_rotation.shape[2]
     g = Between(

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
-from adapt.model.frames import line_through, unit
+from adapt.model.frames import varying_line
 from adapt.model.hot.rows import Row, screw
 from adapt.model.joints.joint_type import JointType, rest_values
 from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, still_axes
@@ -34,11 +34,8 @@ class Cylindrical(JointType):
 
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
         """The turn, and the slide that rides on it: they could change places."""
-        (point, direction), (turned, shifted) = (
-            line_through(anatomy, joint.axes[0], p.value),
-            rest_values(anatomy, joint),
-        )
-        return [screw(0, turned, point, direction, turn=1.0), screw(1, shifted, point, direction, shift=1.0)]
+        line, (turned, shifted) = varying_line(anatomy, joint.axes[0], p), rest_values(anatomy, joint)
+        return [screw(0, turned, line, turn=1.0), screw(1, shifted, line, shift=1.0)]
 
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """CustomJoint that turns about P's x axis and shifts along it, with C turned and moved back by the rest."""
@@ -54,8 +51,7 @@ class Cylindrical(JointType):
 
 def _slide(anatomy: Anatomy, axis: tuple[str, str], shift: float, p: Points, column: int) -> Motion:
     """A shift by ``shift`` (m) along the line through two landmarks."""
-    first, second = (anatomy.landmark_index(name) for name in axis)
-    direction, d_direction = unit(p.value[second] - p.value[first], p.d[second] - p.d[first])
-    d_translation = shift * d_direction
-    d_translation[:, column] += direction
-    return Motion(np.eye(3), shift * direction, np.zeros_like(d_translation), d_translation)
+    line = varying_line(anatomy, axis, p)
+    d_translation = shift * line.d_direction
+    d_translation[:, column] += line.direction
+    return Motion(np.eye(3), shift * line.direction, np.zeros_like(d_translation), d_translation)

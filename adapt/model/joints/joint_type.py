@@ -43,7 +43,7 @@ class JointType(ABC):
 
     @abstractmethod
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
-        """The same motion for the compiled chain, each row after the one before, where landmarks do not vary."""
+        """The same motion for the compiled chain, each row after the one before, varying as the landmarks do."""
 
     def rest(self, anatomy: Anatomy, joint: Joint, p: Points) -> Floats:
         """The coordinates (rad, m) of a body with landmarks p where H = I: as a rule the template's."""

@@ -86,10 +86,10 @@ class Spline(JointType):
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
         """G(q) as cubics of r and o, before G(q_rest)^-1."""
         prepared = _prepare(anatomy, joint)
-        landmarks = p.value[prepared.landmarks]
-        controls, to_rest = _controls_and_rest(prepared, landmarks, np.zeros((*landmarks.shape, 0)))
+        controls, to_rest = _controls_and_rest(prepared, p.value[prepared.landmarks], p.d[prepared.landmarks])
         cubics = prepared.basis.c @ np.concatenate([controls.r, controls.o], axis=1)
-        return [glide(prepared.basis.x, cubics, to_rest)]
+        varying = prepared.basis.c @ np.concatenate([controls.dr, controls.do], axis=1)
+        return [glide(prepared.basis.x, cubics, varying.reshape(*cubics.shape, p.n), to_rest)]
 
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """CustomJoint with SimmSplines sampled from ours; shifts are zero at rest."""

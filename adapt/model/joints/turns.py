@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
-from adapt.model.frames import line_through, unit
+from adapt.model.frames import varying_line
 from adapt.model.hot.rows import Row, screw
 from adapt.model.joints.joint_type import JointType, rest_values
 from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, nearest_point, still_axes, unit_vector
@@ -30,24 +30,21 @@ class Turning(JointType):
 
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
         """One turn after the other."""
-        lines = [line_through(anatomy, axis, p.value) for axis in joint.axes]
         rest = rest_values(anatomy, joint)
-        return [screw(k, rest[k], *lines[k], turn=1.0) for k in range(len(lines))]
+        return [screw(k, rest[k], varying_line(anatomy, axis, p), turn=1.0) for k, axis in enumerate(joint.axes)]
 
 
 def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
     """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f."""
-    first, second = (anatomy.landmark_index(name) for name in axis)
-    f, df = p.value[first], p.d[first]
-    direction, d_direction = unit(p.value[second] - f, p.d[second] - df)
-    k, sine, versine = hat(direction), np.sin(angle), 1.0 - np.cos(angle)
+    line = varying_line(anatomy, axis, p)
+    k, sine, versine = hat(line.direction), np.sin(angle), 1.0 - np.cos(angle)
     rotation = np.eye(3) + sine * k + versine * (k @ k)
     # The left Jacobian of angle * direction, for a change of the direction, which stays square to it.
-    d_rotation = sine * d_direction + versine * (k @ d_direction)
-    d_rotation[:, column] += direction
-    turned = rotation @ f
-    d_translation = df - rotation @ df + hat(turned) @ d_rotation
-    return Motion(rotation, f - turned, d_rotation, d_translation)
+    d_rotation = sine * line.d_direction + versine * (k @ line.d_direction)
+    d_rotation[:, column] += line.direction
+    turned = rotation @ line.point
+    d_translation = line.d_point - rotation @ line.d_point + hat(turned) @ d_rotation
+    return Motion(rotation, line.point - turned, d_rotation, d_translation)
 
 
 def turns_in_opensim(rest: Resting, joint: Joint, *, follows: bool) -> OsimJoint:

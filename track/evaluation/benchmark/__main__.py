@@ -12,14 +12,13 @@ from rich.table import Table
 from adapt.subject import load_subject
 from capture.console import stdout
 from capture.errors import BonetrackError
+from track.evaluation.benchmark.adapting import adaptation_timings, automatic_timing
 from track.evaluation.benchmark.growth import Curve, growth, slope
 from track.evaluation.benchmark.lenses import LENS_HEADER, LENS_ROUNDS, lens_row, lens_timings
 from track.evaluation.benchmark.others import Comparison, beside_nonrigid_icp, beside_opensim
 from track.evaluation.benchmark.page import Results, write_page
 from track.evaluation.benchmark.processes import Process, whole_commands
 from track.evaluation.benchmark.stages import (
-    adaptation_timing,
-    automatic_timing,
     frame_timings,
     loop_timing,
     opened,
@@ -66,7 +65,7 @@ def measure(
     bench = prepare(recording, who, repeat=repeat)
     frame, lenses, loop = frame_timings(bench), lens_timings(bench), loop_timing(recording, who)
     progress("timing the adaptation")
-    adaptation = [adaptation_timing(recording, who)]
+    adaptation = adaptation_timings(recording, who, repeat=repeat)
     if automatic:
         progress("timing the automatic adaptation")
         adaptation.append(automatic_timing(recording, who))
@@ -87,7 +86,7 @@ def measure(
 def tables(results: Results) -> list[Table]:
     """What was measured, for the terminal."""
     timings = [*results.frame, results.loop, *results.adaptation]
-    shown = [timing_table(timings, f"{results.name}: median of {results.repeat} (adaptation: once)")]
+    shown = [timing_table(timings, f"{results.name}: median of {results.repeat} (automatic adaptation: once)")]
     lenses = Table(*LENS_HEADER, title=f"lenses with distortion: median of {LENS_ROUNDS}")
     for timing in results.lenses:
         lenses.add_row(*lens_row(timing))

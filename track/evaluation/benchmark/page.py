@@ -10,11 +10,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from capture.own import page_of, replaced_if_own
+from track.evaluation.benchmark.adapting import ADAPTATION_TARGET_S
 from track.evaluation.benchmark.growth import Curve, slope
 from track.evaluation.benchmark.lenses import LENS_HEADER, LENS_ROUNDS, LENS_TARGET, LensTiming, lens_row
 from track.evaluation.benchmark.others import Comparison
 from track.evaluation.benchmark.processes import Process
-from track.evaluation.benchmark.stages import ADAPTATION_TARGET_S, FIRST, FIRST_DEMO_S, FRAME_TARGET_S
+from track.evaluation.benchmark.stages import FIRST, FIRST_DEMO_S, FRAME_TARGET_S
 from track.evaluation.benchmark.timing import TIMING_HEADER, Timing, beside, readable, timing_row
 
 LIMIT_S = (0.011, 0.018)
@@ -133,8 +134,8 @@ def _adaptation(results: Results) -> str:
 
 {_table(TIMING_HEADER, [timing_row(timing) for timing in results.adaptation])}
 
-Once each. The target is {readable(ADAPTATION_TARGET_S)}. "Automatic" finds the first poses and chooses the frames by
-itself."""
+The target of adaptation is {readable(ADAPTATION_TARGET_S)}. "Automatic" finds the first poses and chooses the frames by
+itself; it runs once."""
 
 
 def _others(results: Results) -> str:

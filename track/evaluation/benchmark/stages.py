@@ -1,4 +1,4 @@
-"""The stages of tracking one frame and of adapting, on one thread, on a recording.
+"""The stages of tracking one frame, on one thread, on a recording.
 
 Stages that are compiled loops are shown beside the same work in plain NumPy, and what the first version of this program
 took, on the machine of ``FIRST``, beside what is measured now.
@@ -15,24 +15,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.spatial import cKDTree
 
-from adapt.anatomy import Floats
-from adapt.fit.alternate import adapt_body
 from adapt.fit.correspondences import Target, find_corres
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.nearest import PointGrid
 from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
-from adapt.fit.recording import DEFAULT_POSES, adapt_recording
+from adapt.fit.recording import DEFAULT_POSES
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import find_skin
 from adapt.fit.visibility import pixel_of
-from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying
-from adapt.model.deformers import carry
-from adapt.model.kinematics import bone_motions
+from adapt.model.body import pose_skin, pose_skin_varying
 from adapt.model.pose_space import moved_rigidly
 from adapt.model.surface import incidence, vertex_normals
-from adapt.model.variation import Motion, Points, constant_points
 from adapt.subject import Subject
 from capture.calibration.calibrate import calibrate_recording
 from capture.cloud.fuse import fuse, region_of_interest
@@ -44,6 +39,7 @@ from capture.recording import Instant, Recording, instants, open_recording, read
 from capture.rigid import exp_so3, inverse
 from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.benchmark.timing import Timing, timed
+from track.evaluation.skin_of_blocks import skin_of_blocks
 from track.prediction import predict
 from track.run import track_recording
 from track.tracked_frame import TrackedFrame, TrackerState
@@ -51,12 +47,11 @@ from track.tracker import Tracker, make_tracker
 from track.uncertainty import pose_covariance
 
 FRAME_TARGET_S = 0.033
-ADAPTATION_TARGET_S = 30.0  # of six poses
 
 PLACEMENTS = 200
 
 FIRST = "the first version (November 2026, an idle two-core machine, one thread)"
-FIRST_FUSE_S, FIRST_FRAME_S, FIRST_GIVEN_S, FIRST_AUTOMATIC_S, FIRST_DEMO_S = 0.027, 0.067, 15.7, 47.5, 65.0
+FIRST_FUSE_S, FIRST_FRAME_S, FIRST_DEMO_S = 0.027, 0.067, 65.0
 
 
 @dataclass(frozen=True)
@@ -181,20 +176,6 @@ def placements_timing(bench: Bench) -> Timing:
     )
 
 
-def skin_of_blocks(body: Body, theta: Floats, *, columns: int) -> Points:
-    """The posed skin from the model's own blocks, with so many columns of derivatives: all by theta, or none."""
-    anatomy = body.anatomy
-    motions = bone_motions(anatomy, theta, constant_points(body.p.value, len(theta)))
-    none = np.zeros((3, 0))
-    still = {name: Motion(motion.rotation, motion.translation, none, none) for name, motion in motions.items()}
-    value, d = np.zeros((len(body.v_hat), 3)), np.zeros((len(body.v_hat), 3, columns))
-    for deformer, bound, share in zip(anatomy.deformers, body.bound_skin, anatomy.deformer_weights.T, strict=True):
-        moved = carry(deformer, bound, motions if columns else still)
-        value += share[:, None] * moved.value
-        d += share[:, None, None] * moved.d
-    return Points(value, d)
-
-
 def loop_timing(recording: Recording, subject: Subject) -> Timing:
     """What ``track_recording`` takes from one finished frame to the next: images, pose, judgement, journal."""
     seconds, processor = [time.perf_counter()], [time.process_time()]
@@ -221,29 +202,6 @@ def read_and_clean(recording: Recording, moment: Instant) -> None:
     for name, frame in moment.frames.items():
         sensor = recording.sensor(name)
         clean_depth(read_depth(sensor, frame), sensor.camera)
-
-
-def adaptation_timing(recording: Recording, subject: Subject) -> Timing:
-    """Algorithm 4, once: the template adapted from the subject's own example poses as given first poses."""
-    moments = instants(recording)
-    at = np.abs(np.array([moment.time_s for moment in moments])[:, None] - subject.times).argmin(axis=0)
-    targets = [Target(fuse(recording, moments[k])) for k in at]
-    return timed(
-        f"adaptation, {len(targets)} poses, first poses given",
-        lambda: adapt_body(make_body(subject.anatomy), targets, subject.thetas),
-        target_s=ADAPTATION_TARGET_S,
-        first_s=FIRST_GIVEN_S,
-    )
-
-
-def automatic_timing(recording: Recording, subject: Subject) -> Timing:
-    """From the recording to a subject without a hand on it, once."""
-    return timed(
-        f"adaptation, {DEFAULT_POSES} poses, fully automatic",
-        lambda: adapt_recording(recording, subject.anatomy),
-        target_s=ADAPTATION_TARGET_S,
-        first_s=FIRST_AUTOMATIC_S,
-    )
 
 
 def prepare(recording: Recording, subject: Subject, *, repeat: int) -> Bench:
