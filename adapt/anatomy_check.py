@@ -1,6 +1,6 @@
 """Whether the parts of an anatomy go together: a user's own file is told what is wrong with it before any work.
 
-What ships is checked when it is built, and by far more (``adapt.build.checks``).
+What ships is checked when it is built, and by far more (``adapt.template_builder.checks``).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from capture.commands import near_option, region_option
+from capture.commands.region_options import near_option, region_option
 from capture.console import stdout
 
 if TYPE_CHECKING:
@@ -44,10 +44,10 @@ def adapt_command(
     near: tuple[float, ...] | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
-    from adapt.anatomy import load_anatomy
+    from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
     from adapt.run import adapt_into
-    from capture.commands import region_near
+    from capture.commands.region_options import region_near
     from capture.recording import open_recording
 
     template = load_anatomy(anatomy)

@@ -20,16 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import (
-    Anatomy,
-    anatomy_arrays,
-    anatomy_description,
-    load_anatomy,
-    read_anatomy,
-    shipped_anatomy,
-    write_anatomy,
-)
+from adapt.anatomy import Anatomy, anatomy_arrays
 from adapt.anatomy_check import refuse_unsound
+from adapt.anatomy_file import anatomy_description, load_anatomy, read_anatomy, shipped_anatomy, write_anatomy
 from adapt.mirror import mirrored_name
 from capture.errors import AnatomyError
 

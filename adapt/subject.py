@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Floats, is_path, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import is_path, load_anatomy
 from adapt.model.body import Body, make_body
 from adapt.model.shape.prior import overall_size
 from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, content, kept_anatomy

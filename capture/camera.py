@@ -2,7 +2,8 @@
 
 Conventions, OpenCV's: pixel centres stand at integer coordinates, u runs right along a row and v down along a
 column; the sensor frame has x right, y down, z forward; depth is the z coordinate, in metres. The distortion
-coefficients (k1, k2, p1, p2, k3, ...) come in OpenCV's order too; an empty tuple means none.
+coefficients (k1, k2, p1, p2, k3, ...) come in OpenCV's order too; an empty tuple means none. Where points fall in the
+image ``capture.projection`` says.
 """
 
 from __future__ import annotations
@@ -38,34 +39,6 @@ class Camera:
     def matrix(self) -> Floats:
         """The intrinsic matrix (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
-
-
-def project(camera: Camera, points: Floats) -> tuple[Floats, Floats]:
-    """Pixel coordinates (N, 2) and depths z (N,) of points (N, 3) (m, sensor frame).
-
-    Points that are not in front of the sensor (z <= 0) get NaN pixel coordinates.
-
-    >>> project(Camera(640, 480, 500.0, 500.0, 320.0, 240.0), np.array([[0.1, 0.0, 1.0]]))
-    (array([[370., 240.]]), array([1.]))
-    """
-    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    z = points[:, 2].copy()
-    safe = np.where(z > 0.0, z, np.nan)
-    normalised = points[:, :2] / safe[:, None]
-    if camera.distortion:
-        normalised = _distort(normalised, camera.distortion)
-    return normalised * (camera.fx, camera.fy) + (camera.cx, camera.cy), z
-
-
-def _distort(normalised: Floats, distortion: tuple[float, ...]) -> Floats:
-    """Apply the distortion to normalised image coordinates (N, 2); NaN stays NaN."""
-    distorted = np.full_like(normalised, np.nan)
-    seen = np.isfinite(normalised).all(axis=1)
-    if seen.any():
-        rays = np.column_stack([normalised[seen], np.ones(int(seen.sum()))])
-        zero, identity = np.zeros(3), np.eye(3)
-        distorted[seen] = cv2.projectPoints(rays, zero, zero, identity, np.array(distortion))[0].reshape(-1, 2)
-    return distorted
 
 
 @lru_cache(maxsize=16)

@@ -25,9 +25,14 @@ def compiled_sums(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compiled(function, fastmath={"reassoc", "nsz", "contract"})
 
 
-def _compiled(function: Callable[_P, _R], *, fastmath: bool | set[str]) -> Callable[_P, _R]:
+def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """The same for a few lines that other compiled loops repeat: they become part of each loop."""
+    return _compiled(function, fastmath={"nsz", "contract"}, forceinline=True)
+
+
+def _compiled(function: Callable[_P, _R], *, fastmath: bool | set[str], **more: bool) -> Callable[_P, _R]:
     def machine_code(*, cache: bool) -> Callable[_P, _R]:
-        options = {"cache": cache, "error_model": "numpy", "nogil": True, "fastmath": fastmath}
+        options = {"cache": cache, "error_model": "numpy", "nogil": True, "fastmath": fastmath, **more}
         return cast(Callable[_P, _R], numba.njit(**options)(function))
 
     try:

@@ -71,9 +71,8 @@ def record(
 ) -> Recording:
     """Record devices of ``pyrealsense2`` for so long, each a sensor; time 0 is the first frame of any.
 
-    Frames of the time at which the ``box`` is shown are kept apart from the others.
-
-    Ctrl-C ends the recording early, and what was recorded stays.
+    Frames of the time at which the ``box`` is shown are kept apart from the others. Ctrl-C ends the recording early;
+    what was recorded stays.
 
     Raises:
         RecordingError: a device without usable depth, cameras without a common clock, no frames for five seconds, or
@@ -81,13 +80,7 @@ def record(
     """
     load_libusb()
     rs = optional_module("pyrealsense2", extra="realsense-live", where=out)
-    names = list(sensor_names) or (
-        ["sensor"] if len(devices) == 1 else [f"sensor-{i + 1}" for i in range(len(devices))]
-    )
-    if len(set(names)) != len(devices):
-        raise RecordingError(
-            f"{len(devices)} cameras need as many different names", where=out, remedy="give --sensor once for each"
-        )
+    names = _names(sensor_names, len(devices), out)
     profiles = [_depth_profile(rs, device, out) for device in devices]
     cameras = [
         _Camera(_described(rs, device, profile, name, out), device.first_depth_sensor(), rs.frame_queue(WAITING_FRAMES))
@@ -116,6 +109,16 @@ def record(
                 camera.device.stop()
                 camera.device.close()
     return open_recording(out)
+
+
+def _names(given: Sequence[str], count: int, out: Path) -> list[str]:
+    """The names of so many cameras, as given, or numbered."""
+    names = list(given) or (["sensor"] if count == 1 else [f"sensor-{i + 1}" for i in range(count)])
+    if len(set(names)) != count:
+        raise RecordingError(
+            f"{count} cameras need as many different names", where=out, remedy="give --sensor once for each"
+        )
+    return names
 
 
 def _write(

@@ -6,7 +6,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; 
 
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from tests.known_limb import ANATOMY, KnownLimb, record
 
 

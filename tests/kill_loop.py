@@ -22,7 +22,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.subject import save_subject
 from capture.console import stdout
 from tests.known_limb import ANATOMY, record

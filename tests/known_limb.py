@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.correspondences import Target, pixel_of
+from adapt.fit.correspondences import Target
+from adapt.fit.visibility import pixel_of
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.subject import Subject, load_subject, save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
@@ -19,12 +20,14 @@ from capture.camera import Camera
 from capture.cloud.fuse import Cloud, View, fuse, region_of_interest, view_points
 from capture.recording import Recording, Region, instants, open_recording
 from capture.rigid import inverse
+from capture.simulation.ray_casting import cast, scene_of
+from capture.simulation.rig import default_rig
 from capture.simulation.sensor import carmine_camera
-from capture.simulation.simulate import cast, default_rig, scene_of
-from track.evaluation.errors import read_truth, world_from_common
+from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.known import carried
-from track.evaluation.performance import Performance, random_body
-from track.evaluation.simulate import simulate_performance
+from track.evaluation.random_bodies import random_body
+from track.simulation.performance import Performance
+from track.simulation.simulate import simulate_performance
 
 ANATOMY = "upper-limb-right"
 FRAMES = 12

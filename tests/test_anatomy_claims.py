@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
 from track.evaluation.bones import (
     FIGURE_7,

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy, save_anatomy
+from adapt.anatomy_file import load_anatomy, save_anatomy
 from adapt.subject import load_subject
 from capture import files
 from capture.errors import BonetrackError

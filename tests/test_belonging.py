@@ -22,7 +22,7 @@ from capture.settings import recording_used
 from tests.known_motion import known_motion, reported_subject
 from track.belonging import adapted_elsewhere, refuse_other_subject, subject_fingerprint, tracked_elsewhere
 from track.commands import track_command
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 from track.export.files import export_motion
 from track.motion import MotionError, load_motion, save_motion
 from track.settings import settings_of

@@ -11,10 +11,14 @@ import pytest
 from adapt.anatomy import Floats
 from adapt.model.body import make_body, pose_skin, rest_theta
 from adapt.subject import Subject
+from capture.camera import Camera, ray_slopes
+from capture.cloud.fuse import Cloud, View
+from capture.projection import pixels_in
 from tests.known_limb import KnownLimb
 from tests.toy_anatomy import toy_anatomy
 from track.evaluation.benchmark.adapting import evaluation_timings
 from track.evaluation.benchmark.growth import Curve, slope, with_finer_skin
+from track.evaluation.benchmark.lenses import LensTiming, seen_through
 from track.evaluation.benchmark.others import Comparison, skin_errors
 from track.evaluation.benchmark.page import Results, page
 from track.evaluation.benchmark.processes import CommandFailed, Process, measured
@@ -33,8 +37,18 @@ def results() -> Results:
     loop = replace(spent("the loop", 0.020), first_s=0.067, target_s=0.033)
     compared = [Comparison("an ICP", 30.0, 3.0, {"vertex": (12.0, 4.0)})]
     curves = [Curve("sensors", (1, 2, 4), (0.01, 0.02, 0.04))]
+    lenses = [LensTiming("seeing", np.array([[0.010, 0.011, 0.013], [0.020, 0.022, 0.024], [0.030, 0.030, 0.036]]))]
     return Results(
-        "a-recording", 3, frame, loop, [spent("adapt", 9.0)], compared, curves, [Process("demo", 35.0, 512)], 0.1
+        "a-recording",
+        3,
+        frame,
+        lenses,
+        loop,
+        [spent("adapt", 9.0)],
+        compared,
+        curves,
+        [Process("demo", 35.0, 512)],
+        0.1,
     )
 
 
@@ -56,12 +70,13 @@ def test_the_page_shows_every_part_and_where_the_time_goes() -> None:
         "cleaning them: 8 %",
         "judging (which bones show, how sure the pose is): 4 %",
         "| an ICP | 30.0 s (10.0 x) | 3.0 s | vertex 12.0, ours 4.0 mm |",
+        "| seeing | 20.000 ms | 22.000 ms (1.10 x) | 24.000 ms (1.20 x) |",
         "1: 10.0 ms, 2: 20.0 ms, 4: 40.0 ms | 1.00 |",
         "| `bonetrack demo` | 35.0 s |",
         "512 MiB",
     ):
         assert part in text
-    few = page(replace(results(), adaptation=[], others=[], curves=[], processes=[]))
+    few = page(replace(results(), lenses=[], adaptation=[], others=[], curves=[], processes=[]))
     assert few.count("##") == 1
 
 
@@ -76,6 +91,20 @@ def test_a_step_of_algorithm_2_is_timed_beside_plain_numpy(limb: KnownLimb) -> N
     assert len(skin.processor) == len(skin.twin) == len(equations.processor) == 2
     assert "10 coordinates, 16 of shape and the tissue" in skin.stage
     assert "196 unknowns in 3 poses" in equations.stage
+
+
+def test_through_a_lens_the_same_surface_is_seen_on_other_pixels() -> None:
+    """A board 1 m before a sensor that has a hole: the hole moves inwards with the lens, and stands on the same ray."""
+    camera = Camera(80, 60, 70.0, 72.0, 39.0, 31.0)
+    depth, hole = np.ones((60, 80), dtype=np.float32), (50, 72)
+    depth[49:52, 71:74] = 0.0
+    none = np.zeros((0, 3))
+    cloud = Cloud(none, none, none[:, 0] > 0.0, np.zeros(0, dtype=np.int64), (View("one", camera, np.eye(4), depth),))
+    (view,) = seen_through(cloud, (-0.2, 0.0, 0.0, 0.0)).views
+    (row,), (column,), _ = pixels_in(view.camera, np.append(ray_slopes(camera)[hole], 1.0)[None])
+    assert column < 72
+    assert view.depth[row, column] == 0.0
+    assert view.depth[hole] == 1.0
 
 
 def toy_subject() -> tuple[Subject, Floats]:

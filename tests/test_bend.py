@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Deformer, Frame, Joint, read_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Deformer, Frame, Joint
+from adapt.anatomy_file import read_anatomy, save_anatomy
 from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.deformers.bend import Bend
 from adapt.model.joints import joint_motion

@@ -10,29 +10,20 @@ import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
 
-from capture.calibration.agreement import apart, surface
 from capture.calibration.box import find_box, symmetries
-from capture.calibration.calibrate import (
-    DOUBTFUL_APART_M,
-    averaged_depth,
-    calibrate_recording,
-    write_calibration,
-)
+from capture.calibration.box_images import averaged_depth
+from capture.calibration.calibrate import DOUBTFUL_APART_M, calibrate_recording, write_calibration
+from capture.calibration.extrinsic_check import cloud_offset, surface
 from capture.camera import Camera, backproject
 from capture.cloud.planes import find_planes
 from capture.commands import calibrate_command
 from capture.errors import CalibrationError
 from capture.recording import Calibration, Recording, RecordingWriter, Sensor, open_recording
 from capture.rigid import apply, exp_so3, inverse, rotation_angle, transform
+from capture.simulation.ray_casting import cast, scene_of
+from capture.simulation.rig import SensorRig, box_mesh, default_rig
 from capture.simulation.sensor import NoiseModel, carmine, carmine_camera, observe
-from capture.simulation.simulate import (
-    SensorRig,
-    box_mesh,
-    cast,
-    default_rig,
-    scene_of,
-    simulate_recording,
-)
+from capture.simulation.simulate import simulate_recording
 from tests.moving_arm import arm_motion
 
 Floats = NDArray[np.float64]
@@ -492,13 +483,16 @@ def test_a_known_motion_between_two_clouds_is_found() -> None:
     ]
     true = inverse(rig.sensors[1].world_from_sensor) @ rig.sensors[0].world_from_sensor
     pairs = [(first, second) for first, second in seen]
-    right, moved = apart(pairs, true), apart(pairs, transform(np.eye(3), np.array([0.0, 0.0, 0.01])) @ true)
+    right, moved = (
+        cloud_offset(pairs, true),
+        cloud_offset(pairs, transform(np.eye(3), np.array([0.0, 0.0, 0.01])) @ true),
+    )
     assert right is not None
     assert right.distance_m < 0.001
     assert moved is not None
     assert moved.distance_m == pytest.approx(0.01, abs=0.003)
-    assert apart(pairs, transform(np.eye(3), np.array([5.0, 0.0, 0.0])) @ true) is None
-    assert apart(pairs[:1], true) is None  # one instant cannot tell how sure it is
+    assert cloud_offset(pairs, transform(np.eye(3), np.array([5.0, 0.0, 0.0])) @ true) is None
+    assert cloud_offset(pairs[:1], true) is None  # one instant cannot tell how sure it is
 
 
 def test_sensors_that_face_each_other_see_no_face_in_common_and_are_still_calibrated(tmp_path: Path) -> None:

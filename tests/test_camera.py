@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from capture.camera import Camera, backproject, project
+from capture.camera import Camera, backproject
+from capture.projection import project
 
 PLAIN = Camera(64, 48, 57.0, 58.0, 31.2, 23.8)
 DISTORTED = Camera(64, 48, 57.0, 58.0, 31.2, 23.8, (0.08, -0.05, 0.002, -0.001, 0.01))

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capture.commands import as_region, calibrate_command, fuse_command, import_command
+from capture.commands import calibrate_command, fuse_command, import_command
+from capture.commands.region_options import as_region
 from capture.errors import BonetrackError, RecordingError
 from capture.recording import open_recording
 from tests.two_sensors import limb_depth, poses, write_limb

@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.subject import load_subject, save_subject
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
 from capture.rigid import inverse
 from tests.known_limb import ANATOMY, bending_and_twisting
+from track.accuracy.truth import read_truth, world_from_common
 from track.cli import main
 from track.demo import samples
-from track.evaluation.errors import read_truth, world_from_common
 from track.evaluation.known import carried
 from track.motion import load_motion
 from track.poses_by_hand import HandPose, write_poses

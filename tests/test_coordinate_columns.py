@@ -8,7 +8,7 @@ import pytest
 from adapt.fit.first_poses import read_first_poses
 from adapt.model.body import make_body
 from capture.errors import BonetrackError
-from track.evaluation.performance import read_motion_table
+from track.simulation.motion_table import read_motion_table
 
 
 def table(path, *lines):

@@ -5,13 +5,15 @@ A new type is tested by being in the registry, with an example of its parts in `
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from adapt.anatomy import Deformer, Frame, read_anatomy, save_anatomy
+from adapt.anatomy import Deformer, Frame
+from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.deformers import DEFORMER_TYPES, bind, bone_shares, carry
@@ -163,12 +165,21 @@ def test_other_parts_than_its_own_make_no_deformer_of_the_type(case: tuple[Body,
         assert expected in str(caught.value)
 
 
-def test_an_unknown_type_is_refused_in_one_line_with_the_known_ones(case: tuple[Body, Deformer]) -> None:
-    _, deformer = case
+def test_an_unknown_type_is_refused_in_one_line_with_the_known_ones(
+    case: tuple[Body, Deformer], tmp_path: Path
+) -> None:
+    body, deformer = case
+    save_anatomy(body.anatomy, tmp_path / "arm.npz")
+    with np.load(tmp_path / "arm.npz") as data:
+        arrays = dict(data)
+    description = json.loads(str(arrays["description"]))
+    description["deformers"][body.anatomy.deformers.index(deformer)]["type"] = "rubber"
+    np.savez(tmp_path / "arm.npz", **(arrays | {"description": np.array(json.dumps(description))}))
     with pytest.raises(AnatomyError) as caught:
-        replace(deformer, type="rubber")
-    assert f"no type 'rubber': the types are {', '.join(DEFORMER_TYPES)}" in str(caught.value)
-    assert "\n" not in str(caught.value)
+        load_anatomy(tmp_path / "arm.npz")
+    message = str(caught.value)
+    assert f"deformer {deformer.name}: no type 'rubber': the types are {', '.join(DEFORMER_TYPES)}" in message
+    assert "\n" not in message
 
 
 def test_every_type_has_an_example() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from track.evaluation.errors import evaluate_motion
+from track.accuracy.errors import evaluate_motion
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names
 
 

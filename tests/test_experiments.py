@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import make_body, pose_skin, rest_theta
 from capture.camera import Camera
 from capture.recording import Calibration, Recording, Sensor, SensorCalibration
 from capture.rigid import apply, exp_so3, inverse, transform
-from capture.simulation.simulate import RigSensor
+from capture.simulation.rig import RigSensor
 from tests.toy_anatomy import toy_anatomy
 from track.evaluation.elastic import inside
 from track.evaluation.experiments.forearm import crossing_triangles

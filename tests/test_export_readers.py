@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_frames, rest_theta
 from adapt.model.pose_space import reported_coordinates
 from adapt.subject import Subject
 from tests.known_limb import known_subject
 from tests.test_gltf import ReadBack
 from track.evaluation import opensim_tools
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 from track.export.files import export_motion, export_subject
 from track.export.gltf import write_gltf
 from track.export.osim import landmark_markers, marker_paths

@@ -11,10 +11,11 @@ import pytest
 from capture.errors import RecordingError
 from capture.recording import instants
 from tests.known_limb import FRAMES
-from track.evaluation.experiments import faults
-from track.evaluation.experiments.faults import EXPERIMENT, FAULTS, LIMBS, Scene, person
+from track.evaluation.experiments import faulty_recordings
+from track.evaluation.experiments.faults import EXPERIMENT
+from track.evaluation.experiments.faulty_recordings import FAULTS, LIMBS, Scene, person
 from track.evaluation.known import KnownRecording
-from track.evaluation.performance import Performance
+from track.simulation.performance import Performance
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def test_swapped_frames_are_refused(scene, tmp_path):
 
 
 def test_images_swapped_unnoticed_keep_the_times(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(faults, "_SWAPPED", 3)
+    monkeypatch.setattr(faulty_recordings, "_SWAPPED", 3)
     swapped, clean = FAULTS["two images swapped unnoticed"](scene, tmp_path), scene.known.recording
     for before, after in zip(clean.sensors, swapped.sensors, strict=True):
         assert [frame.time_s for frame in before.frames] == [frame.time_s for frame in after.frames]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, joint_centres, make_body, pose_skin, rest_theta
 from adapt.model.size import resized
 from track.evaluation import field_trials
 from track.evaluation.field_trials import outcome_of
-from track.evaluation.performance import Performance
 from track.evaluation.results import EvaluationError
 from track.evaluation.trials import fit, table
 from track.evaluation.trials.command import Told
@@ -24,6 +24,7 @@ from track.evaluation.trials.real import situations_of
 from track.evaluation.trials.sensors import as_disparity
 from track.evaluation.trials.situation import SEEDS, SOUND_SEED, Outcome, Situation, Verdict
 from track.evaluation.trials.times import change_times
+from track.simulation.performance import Performance
 
 
 def toy(runs: list[int], verdict: Verdict = "refused") -> Situation:

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres, visible_from
+from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres
 from adapt.fit.examples import choose_examples
 from adapt.fit.first_poses import read_first_poses
 from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
@@ -19,6 +19,7 @@ from adapt.fit.priors import range_term
 from adapt.fit.sample import sample_skin
 from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
 from adapt.fit.skin import STIFFNESS, Factor, fit_skin
+from adapt.fit.visibility import visible_vertices
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.shape.prior import SIZE_SIGMA, shape_precision
@@ -31,7 +32,7 @@ from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
 from tests.finite_differences import check_jacobian
 from tests.known_limb import bent, empty_view, exact_target
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 
 POSES = ((15.0, 0.0), (60.0, 50.0), (95.0, -50.0), (125.0, 10.0))
 
@@ -107,7 +108,7 @@ def test_a_vertex_that_does_not_face_a_sensor_is_not_seen_by_it():
     view = empty_view()
     normals = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.9, 0.0, -0.436], [0.99, 0.0, -0.14]])
     vertices = np.tile([0.0, 0.0, 1.0], (len(normals), 1))
-    np.testing.assert_array_equal(visible_from(view, vertices, normals), [True, False, False, True, False])
+    np.testing.assert_array_equal(visible_vertices(view, vertices, normals), [True, False, False, True, False])
     assert len(matched(patch(), (0.0, 0.0, 1.0), normal=(0.0, 0.0, 1.0))) == 0
 
 
@@ -116,7 +117,7 @@ def test_a_vertex_behind_something_nearer_is_not_seen():
     vertices, normals = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]])
     for depth, seen in ((0.90, False), (0.99, True), (1.10, True), (0.0, True)):
         hiding = replace(view, depth=np.full_like(view.depth, depth))
-        assert visible_from(hiding, vertices, normals)[0] == seen, depth
+        assert visible_vertices(hiding, vertices, normals)[0] == seen, depth
     hiding = replace(view, depth=np.full_like(view.depth, 0.90))
     assert len(matched(patch(views=(hiding,)), (0.0, 0.0, 1.0))) == 0
 
@@ -124,8 +125,8 @@ def test_a_vertex_behind_something_nearer_is_not_seen():
 def test_a_vertex_outside_the_image_or_behind_the_sensor_is_not_seen():
     outside = np.array([[0.57, 0.0, 1.0], [-0.57, 0.0, 1.0], [0.0, 0.43, 1.0], [0.0, -0.43, 1.0], [0.0, 0.0, -1.0]])
     normals = -outside / np.linalg.norm(outside, axis=1, keepdims=True)
-    assert not visible_from(empty_view(), outside, normals).any()
-    assert visible_from(empty_view(), 0.9 * outside[:4] + [0.0, 0.0, 0.1], normals[:4]).all()
+    assert not visible_vertices(empty_view(), outside, normals).any()
+    assert visible_vertices(empty_view(), 0.9 * outside[:4] + [0.0, 0.0, 0.1], normals[:4]).all()
 
 
 def test_a_vertex_takes_points_only_of_sensors_that_see_it():

@@ -9,7 +9,8 @@ from adapt.model.body import joint_centres
 from capture.recording import Region, instants
 from tests.known_limb import KnownLimb
 from track.fit_from_hand import fit_from_hand
-from track.tracker import BY_HAND, Tracker, make_tracker
+from track.tracked_frame import BY_HAND
+from track.tracker import Tracker, make_tracker
 
 FRAME = 4
 

@@ -16,7 +16,7 @@ from capture.calibration.calibrate import calibrate_recording
 from capture.cloud.fuse import fuse
 from capture.recording import instants, open_recording
 from capture.rigid import inverse
-from track.evaluation.errors import read_truth, world_from_common
+from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.known import carried
 
 SAMPLE = Path(__file__).parents[1] / "recordings" / "lower-limb-right-sample"

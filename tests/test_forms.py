@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.forms import FORMS, straightest, typical_forms
 from adapt.fit.start import variations
 from adapt.model.body import make_body, pose_skin

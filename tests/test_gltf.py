@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import make_body, pose_skin, posed_bones, rest_theta
 from tests.known_limb import bent, known_subject
 from tests.known_motion import HIDDEN, LOST, known_motion

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capture.camera import Camera, backproject, project
-from capture.commands import _FORMAT_NAMES, import_command
+from capture.camera import Camera, backproject
+from capture.commands import import_command
+from capture.commands.import_files import _FORMAT_NAMES
 from capture.errors import BonetrackError, RecordingError
 from capture.importers import FORMATS, Stated, import_recording
 from capture.importers.azure_kinect import has_rays
 from capture.importers.realsense import Lens, camera_of
+from capture.projection import project
 from capture.recording import Recording, colour_image, depth_png, open_recording, read_depth
 from tests.sensor_files import scene
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capture.camera import Camera, backproject, project
+from capture.camera import Camera, backproject
 from capture.commands import import_command
 from capture.errors import RecordingError
 from capture.importers import Stated, import_recording
 from capture.importers.mirror import unmirrored_camera
+from capture.projection import project
 from capture.recording import RecordingWriter, Sensor, open_recording, read_depth
 from tests.sensor_files import scene
 from tests.test_import_files import FILES, images

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from adapt.anatomy import Anatomy, Coordinate, Floats, Joint, load_anatomy, read_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
+from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
 from adapt.model.hot.chain import move_bones

@@ -7,8 +7,8 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from adapt.build.meshes import Mesh
-from adapt.build.sources_makehuman import PACKAGE
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.sources_makehuman import PACKAGE
 from capture.rigid import apply, exp_so3, transform
 from track.evaluation.bones import depth_inside
 from track.evaluation.jointed import Jointed, Turn, heat_weights, shared_along

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
-from adapt.build.joint_accuracy import compare_with_table
-from adapt.build.knee import PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
-from adapt.build.lower_limb import LOWER_LIMB_RIGHT
-from adapt.build.meshes import Mesh
-from adapt.build.pose_bones import ROOT, PoseProblem, placed_bodies
-from adapt.build.skin import Cut, evened, height_in
-from adapt.build.sources_myosim import Follow, Piece, SourceBody, SourceHinge, SourceSkeleton, in_pieces
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.shape.prior import shape_precision
+from adapt.template_builder.joint_accuracy import compare_with_table
+from adapt.template_builder.knee import PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
+from adapt.template_builder.lower_limb import LOWER_LIMB_RIGHT
+from adapt.template_builder.meshes import Mesh
+from adapt.template_builder.pose_bones import ROOT, PoseProblem, placed_bodies
+from adapt.template_builder.skin import Cut, evened, height_in
+from adapt.template_builder.sources_myosim import Follow, Piece, SourceBody, SourceHinge, SourceSkeleton, in_pieces
 from capture.rigid import apply, exp_so3, transform
 from tests.test_template import sphere
-from track.evaluation.performance import motion_names, perform
+from track.evaluation.made_up_motions import motion_names, perform
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import anatomy_arrays, load_anatomy, save_anatomy
-from adapt.build import checks
+from adapt.anatomy import anatomy_arrays
+from adapt.anatomy_file import load_anatomy, save_anatomy
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
@@ -26,13 +26,15 @@ from adapt.model.body import (
 )
 from adapt.model.shape.handle_space import affine_set
 from adapt.subject import Subject, load_subject, save_subject
+from adapt.template_builder import checks
 from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import AnatomyError
 from capture.rigid import apply, exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_leg import toy_leg
 from track.angles import thoraco_humeral
-from track.evaluation.performance import motion_names, perform, random_body
+from track.evaluation.made_up_motions import motion_names, perform
+from track.evaluation.random_bodies import random_body
 
 LEFT = "upper-limb-left"
 REFLECTION = np.diag([1.0, 1.0, -1.0, 1.0])

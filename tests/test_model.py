@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Frame, load_anatomy, read_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Frame
+from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored
 from adapt.model.body import (
     Body,

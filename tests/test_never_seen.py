@@ -14,7 +14,7 @@ from adapt.fit.sample import sample_skin
 from adapt.model.body import Body, joint_centres, make_body
 from adapt.subject import Subject
 from tests.known_limb import bent, exact_cloud
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 from track.evaluation.stump import stump
 from track.motion import bones_and_centres
 from track.tracker import make_tracker

@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, rest_theta
 from capture.rigid import exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
-from track.evaluation.errors import Truth
+from track.accuracy.truth import Truth
+from track.evaluation.made_up_motions import motion_names, motion_spans, perform
 from track.evaluation.markers import marker_set, marker_trial, markers_at_rest, misplaced
-from track.evaluation.opensim_ik import OURS, Answer, _scores, comparison_rows, main, motion_rows, opensim_answers
+from track.evaluation.opensim_ik import Answer, _scores, main, opensim_answers
+from track.evaluation.opensim_ik_tables import OURS, comparison_rows, motion_rows
 from track.evaluation.opensim_tools import OpenSimError, opensim
-from track.evaluation.performance import PerformanceError, motion_names, motion_spans, perform, random_body
+from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import differences, reconstruction_of_poses
+from track.simulation.performance import PerformanceError
 
 LIMBS = ("upper-limb-right", "lower-limb-left")
 OTHER = "OpenSim scaled 1e-05"

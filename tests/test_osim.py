@@ -7,16 +7,19 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, bone_frames, make_body, posed_bones, rest_theta
 from adapt.model.pose_space import reported_coordinates
 from track.evaluation import opensim_tools
-from track.evaluation.performance import Performance, motion_names, perform, random_body
+from track.evaluation.made_up_motions import motion_names, perform
+from track.evaluation.random_bodies import random_body
 from track.export.opensim_tables import write_mot
 from track.export.osim import landmark_markers, write_osim
 from track.export.osim_joints import body_frames, coupled_coordinates, osim_joints
 from track.export.osim_mass import DENSITY_KG_M3, segment_masses
 from track.export.osim_motion import with_coupled, write_states
+from track.simulation.performance import Performance
 
 LIMBS = ("upper-limb-right", "upper-limb-left", "lower-limb-right", "lower-limb-left")
 

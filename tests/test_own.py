@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.run import adapt_into, journal_path
 from adapt.subject import save_subject
 from capture.errors import OutputError

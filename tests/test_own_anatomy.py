@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from adapt import own_anatomy
-from adapt.anatomy import Anatomy, Coordinate, anatomy_names, load_anatomy, save_anatomy
+from adapt.anatomy import Anatomy, Coordinate
 from adapt.anatomy_check import refuse_unsound
+from adapt.anatomy_file import anatomy_names, load_anatomy, save_anatomy
 from adapt.fit.rival_side import SideEvidence, refuse_the_other_side
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, rest_theta
@@ -20,11 +21,11 @@ from adapt.own_anatomy import KEY, content, is_comparable, is_shipped, kept_anat
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import AnatomyError, FitError
 from capture.files import read_arrays
+from track.accuracy.truth import read_truth
 from track.batch.items import BatchError, read_items
 from track.batch.work import run_item
-from track.evaluation.errors import read_truth
-from track.evaluation.performance import Performance
-from track.evaluation.simulate import simulate_performance
+from track.simulation.performance import Performance
+from track.simulation.simulate import simulate_performance
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit import one_leg
 from adapt.fit.candidates import Candidate
 from adapt.fit.correspondences import Target

@@ -5,13 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.correspondences import Target
 from adapt.fit.start import find_pose
 from adapt.model.body import joint_centres, make_body
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.cloud.fuse import fuse
 from capture.importers import import_images, natural_order, source_files
+from capture.projection import project
 from capture.recording import Recording, Region, instants
 
 KINECT = Path(__file__).parents[2] / "shared" / "recordings" / "upperbody_arms_kinect1_skeltrack"

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.build.meshes import Mesh
+from adapt.template_builder.meshes import Mesh
 from capture.rigid import apply, exp_so3, transform
-from capture.simulation.simulate import box_mesh
+from capture.simulation.rig import box_mesh
+from track.evaluation.experiments.real_limbs import RealLimb
 from track.evaluation.experiments.real_motion import depths_mm
-from track.evaluation.experiments.real_person import Posed, RealLimb, compared, shaft_axis
+from track.evaluation.experiments.real_person import Posed, compared, shaft_axis
 from track.evaluation.experiments.surface_fit import greatest_length
 from track.evaluation.holes import closed
 

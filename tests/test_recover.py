@@ -15,7 +15,8 @@ from track.motion import MotionError, load_motion
 from track.poses_by_hand import HandPose
 from track.run import track_recording
 from track.search import look_of, looks_changed
-from track.tracker import BACKWARD, BY_HAND, FOLLOWED, FOUND, Tracker, TrackerState, make_tracker
+from track.tracked_frame import BACKWARD, BY_HAND, FOLLOWED, FOUND, TrackerState
+from track.tracker import Tracker, make_tracker
 
 FPS = 30.0
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Anatomy, Handle, anatomy_names, load_anatomy
+from adapt.anatomy import Anatomy, Handle
+from adapt.anatomy_file import anatomy_names, load_anatomy
 from adapt.model.shape.handle_space import AffineSet, affine_set
 from adapt.model.shape.prior import bones_between_groups, shape_precision
 from tests.toy_anatomy import toy_anatomy

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import track.tracker
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.correspondences import Target
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import FoundPart, find_skin
@@ -23,7 +24,8 @@ from tests.toy_leg import toy_leg
 from track.prediction import unsure_where_unknown
 from track.run import track_recording
 from track.shown import bones_shown, centres_known, coordinates_known, coordinates_seen, known_thetas, skin_shown
-from track.tracker import TrackerState, make_tracker
+from track.tracked_frame import TrackerState
+from track.tracker import make_tracker
 
 FOUND, HIDDEN = FoundPart(0.4, 0.002, 1.0), FoundPart(0.0, 0.05, 0.0)
 

@@ -9,21 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from capture.camera import backproject, project
+from capture.camera import backproject
 from capture.errors import BonetrackError, RecordingError
+from capture.projection import project
 from capture.recording import open_recording, read_depth
 from capture.rigid import apply, inverse
+from capture.simulation.mesh_file import simulate_mesh_file
+from capture.simulation.ray_casting import cast, scene_of
+from capture.simulation.rig import RigSensor, SensorRig, box_mesh, default_rig
 from capture.simulation.sensor import NoiseModel, carmine_camera
-from capture.simulation.simulate import (
-    RigSensor,
-    SensorRig,
-    box_mesh,
-    cast,
-    default_rig,
-    scene_of,
-    simulate_mesh_file,
-    simulate_recording,
-)
+from capture.simulation.simulate import simulate_recording
 from tests.moving_arm import arm_motion
 
 EXACT = NoiseModel()

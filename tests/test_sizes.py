@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import adapt.fit.overall_size as overall_size_module
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.sample import sample_skin
@@ -20,7 +20,7 @@ from adapt.model.shape.prior import overall_size
 from adapt.model.size import resized
 from capture.errors import FitError
 from tests.known_limb import bent, exact_target
-from track.evaluation.performance import random_body
+from track.evaluation.random_bodies import random_body
 
 SEED = 21
 BENT = ((70.0, 20.0), (30.0, -30.0), (100.0, 0.0), (60.0, 60.0))  # elbow and forearm, degrees

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 import adapt.fit.start as start
-from adapt.anatomy import load_anatomy
-from adapt.fit.correspondences import Target, pixel_of
+from adapt.anatomy_file import load_anatomy
+from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import attached_share, find_skin, score_pose, void_share
 from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.start import find_pose, locate, try_pose
+from adapt.fit.visibility import pixel_of
 from adapt.model.body import joint_centres, pose_skin
 from adapt.model.surface import vertex_areas
 from capture.cloud.fuse import Cloud, Region, View, view_points

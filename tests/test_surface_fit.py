@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.anatomy import Floats, load_anatomy
-from adapt.build.meshes import Mesh
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.handles import deform, handle_positions
+from adapt.template_builder.meshes import Mesh
 from capture.rigid import exp_so3
 from track.evaluation.experiments.real_bones import handles
 from track.evaluation.experiments.surface_fit import affine, fit_family, rigid, sample_surface, uniform_scale

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy import load_anatomy
-from adapt.build import checks
-from adapt.build.__main__ import PLANS
-from adapt.build.meshes import Mesh, boundary_loop, level_set, simplified
-from adapt.build.pose_bones import ROOT, PoseProblem, Target, Unknown, fit_pose, placed_bodies
-from adapt.build.skin import Cut, catmull_clark, closed, cut_off, height_in
-from adapt.build.sources_myosim import SourceBody, SourceHinge, SourceSkeleton
-from adapt.build.tetrahedra import TetMesh, evaluate, with_corners_at
-from adapt.build.upper_limb import UPPER_LIMB_RIGHT
-from adapt.build.weights import bounded_biharmonic
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_transforms, make_body, pose_skin, posed_bones, rest_theta
+from adapt.template_builder import checks
+from adapt.template_builder.__main__ import PLANS
+from adapt.template_builder.meshes import Mesh, boundary_loop, level_set, simplified
+from adapt.template_builder.pose_bones import ROOT, PoseProblem, Target, Unknown, fit_pose, placed_bodies
+from adapt.template_builder.skin import Cut, catmull_clark, closed, cut_off, height_in
+from adapt.template_builder.sources_myosim import SourceBody, SourceHinge, SourceSkeleton
+from adapt.template_builder.tetrahedra import TetMesh, evaluate, with_corners_at
+from adapt.template_builder.upper_limb import UPPER_LIMB_RIGHT
+from adapt.template_builder.weights import bounded_biharmonic
 from capture.errors import AnatomyError
 from capture.rigid import apply
 

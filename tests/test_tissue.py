@@ -8,7 +8,7 @@ import pytest
 from adapt.anatomy import Anatomy
 from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.tissue import DEEP_M, RANGE_M, SHARE, tissue_depth, tissue_deviation, tissue_field
-from track.evaluation.performance import soft_tissue
+from track.evaluation.random_bodies import soft_tissue
 
 BONY = ("EM", "EL", "olecranon", "US", "RS")  # humeral epicondyles, elbow's tip, styloids
 NEAR_M = 0.010

@@ -29,7 +29,8 @@ from track.motion import MotionError, load_motion
 from track.poses_by_hand import HandPose
 from track.prediction import predict
 from track.run import JOURNAL, track_recording
-from track.tracker import TrackerState, make_tracker
+from track.tracked_frame import TrackerState
+from track.tracker import make_tracker
 from track.uncertainty import pose_covariance
 
 

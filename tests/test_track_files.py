@@ -19,15 +19,17 @@ from capture.errors import AnatomyError
 from capture.rigid import exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from track.angles import read_thorax, refuse_without_humerus, thoraco_humeral
-from track.commands import print_motion
-from track.evaluation.performance import PerformanceError, perform_tables, read_motion_table
+from track.evaluation.made_up_motions import perform_tables
 from track.export.files import export_motion, export_subject
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.osim import landmark_markers
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
+from track.motion_summary import print_motion
 from track.run import write_motion_folder
 from track.shown import skin_shown
+from track.simulation.motion_table import read_motion_table
+from track.simulation.performance import PerformanceError
 from track.uncertainty import pose_covariance
 from track.view.charts import plot_angles
 

@@ -11,7 +11,7 @@ from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.joints import JOINT_TYPES
 
 ROOT = Path(__file__).parents[1]
-OWN = ("adapt/model/joints", "adapt/model/deformers", "adapt/build", "track/evaluation")
+OWN = ("adapt/model/joints", "adapt/model/deformers", "adapt/template_builder", "track/evaluation")
 """The types, the templates that are made of them, and research programs that ask for one limb's forearm or bend."""
 
 

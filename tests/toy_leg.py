@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Frame, Handle, Joint
-from adapt.build.coupled_joint import spline_joint
-from adapt.build.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
+from adapt.template_builder.coupled_joint import spline_joint
+from adapt.template_builder.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
 from capture.rigid import apply, exp_so3, transform
 
 REST = 0.15  # rad: the toy rests with a bent knee

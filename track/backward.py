@@ -16,7 +16,8 @@ import numpy as np
 from adapt.anatomy import Anatomy
 from adapt.model.pose_space import pose_difference
 from track.shown import coordinates_known
-from track.tracker import BACKWARD, BY_HAND, FOUND, TrackedFrame, Tracker, TrackerState
+from track.tracked_frame import BACKWARD, BY_HAND, FOUND, TrackedFrame, TrackerState
+from track.tracker import Tracker
 
 Step = Callable[[int, TrackerState], tuple[TrackedFrame, TrackerState]]
 """Tracks the frame of an index from a state in which time runs backward (seconds are negative)."""

@@ -12,10 +12,11 @@ from adapt.commands import adapt_command
 from capture.commands import calibrate_command, fuse_command, import_command, record_command
 from capture.console import stderr
 from capture.errors import BonetrackError
+from track.accuracy.commands import evaluate_command
 from track.batch.commands import batch_command
 from track.commands import demo_command, track_command
-from track.evaluation.commands import evaluate_command, simulate_command
 from track.export.commands import export_command
+from track.simulation.commands import simulate_command
 from track.view.commands import report_command, view_command
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from adapt.commands import print_sensors
-from capture.commands import near_option, region_near, region_option
+from capture.commands.region_options import near_option, region_near, region_option
 from capture.console import stdout
+from track.motion_summary import print_motion
 
 _PATH = click.Path(path_type=Path)
 
@@ -68,41 +68,6 @@ def track_command(
         )
     print_motion(motion, person)
     stdout.print(f"motion written to {out}")
-
-
-def print_motion(motion, subject) -> None:  # type: ignore[no-untyped-def]
-    """A short summary: frames tracked, how well, which bones did not show in them, and why others were lost."""
-    import numpy as np
-
-    from adapt.subject import doubts
-
-    tracked = motion.tracked
-    if motion.settings is not None:
-        print_sensors(motion.settings.options)
-    stdout.print(f"{int(tracked.sum())} of {len(tracked)} frames tracked", highlight=False)
-    if tracked.any():
-        residual = 1e3 * float(np.median(motion.residuals[tracked]))
-        coverage = 100.0 * float(np.median(motion.coverage[tracked]))
-        stdout.print(f"skin to cloud {residual:.2f} mm (median), {coverage:.0f} % of the skin in sight found")
-    for doubt in doubts(subject):
-        stdout.print(doubt, highlight=False)
-    for how, told in _HOW.items():
-        if count := motion.how.count(how):
-            stdout.print(f"{count} {told}", highlight=False)
-    for name, shown in zip(motion.transforms, motion.shown.T, strict=True):
-        if hidden := int((tracked & ~shown).sum()):
-            stdout.print(f"{name} does not show in {hidden} of the frames tracked", highlight=False)
-    for number in np.flatnonzero(~tracked)[:5]:
-        stdout.print(f"lost at {motion.times[number]:.3f} s: {motion.lost[number]}")
-    if (~tracked).sum() > 5:
-        stdout.print(f"... and {int((~tracked).sum()) - 5} more, see quality.csv")
-
-
-_HOW = {
-    "found": "found by search",
-    "by hand": "tracked from poses set by hand",
-    "backward": "tracked again, backward from a later frame",
-}
 
 
 @click.command("demo")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.commands import print_subject
 from adapt.run import adapt_into
 from adapt.subject import MARK, Subject
@@ -21,11 +21,12 @@ from capture.errors import RecordingError
 from capture.own import PNG, refuse_any_foreign, refuse_foreign
 from capture.recording import Recording, instants, open_recording
 from capture.recording.types import CALIBRATION_FILE
-from track.commands import print_motion
-from track.evaluation.commands import print_evaluation
-from track.evaluation.errors import MARK as EVALUATION_MARK
-from track.evaluation.errors import evaluate_motion, read_truth, write_evaluation
+from track.accuracy.commands import print_evaluation
+from track.accuracy.errors import MARK as EVALUATION_MARK
+from track.accuracy.errors import evaluate_motion, write_evaluation
+from track.accuracy.truth import read_truth
 from track.motion import Motion
+from track.motion_summary import print_motion
 from track.run import track_recording
 from track.view.charts import plot_angles
 from track.view.pictures import picture_fit

@@ -16,7 +16,8 @@ from adapt.fit.other_limb import limbs_that_could_be_meant
 from capture.errors import CloudError
 from capture.recording import Instant
 from track.motion import MotionError
-from track.tracker import TrackedFrame, Tracker
+from track.tracked_frame import TrackedFrame
+from track.tracker import Tracker
 
 _LOOKED_AT = 6
 _ALIKE = 1.25  # a second limb of which the skin fits worse than the subject's by more is another one

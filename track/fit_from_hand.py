@@ -19,7 +19,8 @@ from capture.cloud.fuse import Region, region_of_interest
 from capture.errors import CloudError, FitError
 from capture.recording import Instant, Recording
 from track.run import ready_target
-from track.tracker import TrackedFrame, Tracker
+from track.tracked_frame import TrackedFrame
+from track.tracker import Tracker
 
 _LOOSELY_RAD, _LOOSELY_M = np.deg2rad(25.0), 0.10  # keeps what no point tells of where the person set it
 _REACH_M = 0.10

@@ -40,8 +40,8 @@ class Motion:
     A frame whose ``lost`` text is not empty was not tracked, for that reason: its pose is NaN. Of a frame that was
     tracked ``thetas`` are whole, so that they pose a body; where a bone at either end of a joint does not show they are
     guesses, and the deviations say so (``track.shown.known_thetas`` leaves guesses out). Transforms and centres that
-    are not known are NaN. ``how`` says of tracked frames how their pose was come by (``track.tracker.FOLLOWED`` and so
-    on), ``settings`` with what it was tracked; motions written before that was kept have none.
+    are not known are NaN. ``how`` says of tracked frames how their pose was come by (``track.tracked_frame.FOLLOWED``
+    and so on), ``settings`` with what it was tracked; motions written before that was kept have none.
     """
 
     anatomy: str

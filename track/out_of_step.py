@@ -26,7 +26,7 @@ from adapt.model.body import Body, pose_skin_varying
 from adapt.model.pose_space import advance, pose_difference
 
 if TYPE_CHECKING:
-    from track.tracker import TrackedFrame
+    from track.tracked_frame import TrackedFrame
 
 IN_STEP_S = 1e-3
 _NEIGHBOUR_S = 0.15  # a pose farther off in time says nothing of the velocity

@@ -40,7 +40,8 @@ from track.out_of_step import in_step
 from track.poses_by_hand import HandPose
 from track.settings import Settings, settings_of
 from track.shown import known_thetas
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+from track.tracked_frame import TrackedFrame, TrackerState
+from track.tracker import Tracker, make_tracker
 
 JOURNAL = "frames.jsonl"
 _ANCHOR = "anchor"  # names the journal's lines of frames tracked backward
@@ -85,18 +86,9 @@ def track_recording(
     by_hand = _by_frame(poses, len(moments))
     _make_folder(out)
     tracker = make_tracker(subject)
-    settings = settings_of(
-        recording,
-        tracker.thresholds(),
-        subject=subject_fingerprint(subject),
-        region=region,
-        poses=poses,
-        world_from_thorax=world_from_thorax,
-    )
+    settings = _settings(recording, tracker, region, poses, world_from_thorax)
     region = region or region_of_interest(recording)
-    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))
-    hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
-    journal = resume_journal(out / JOURNAL, journal_key(recording, *person, region.minimum, region.maximum, *hands))
+    journal = resume_journal(out / JOURNAL, _key(recording, tracker, region, by_hand))
     work = _Work(tracker, recording, region, moments, journal, looks_first=not (by_hand or keep_searching))
     frames = work.forward(by_hand, progress)
     frames = work.backward(frames, progress)
@@ -104,6 +96,31 @@ def track_recording(
     write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
     journal.remove()
     return motion
+
+
+def _settings(
+    recording: Recording,
+    tracker: Tracker,
+    region: Region | None,
+    poses: Sequence[HandPose],
+    world_from_thorax: Floats | None,
+) -> Settings:
+    return settings_of(
+        recording,
+        tracker.thresholds(),
+        subject=subject_fingerprint(tracker.subject),
+        region=region,
+        poses=poses,
+        world_from_thorax=world_from_thorax,
+    )
+
+
+def _key(recording: Recording, tracker: Tracker, region: Region, by_hand: Mapping[int, Floats]) -> str:
+    """What a journal must have been begun with to be gone on with."""
+    subject = tracker.subject
+    person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))
+    hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
+    return journal_key(recording, *person, region.minimum, region.maximum, *hands)
 
 
 @dataclass(frozen=True)

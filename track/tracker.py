@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Floats
 from adapt.fit import judge
 from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
@@ -31,7 +31,8 @@ from capture.errors import FitError
 from track.out_of_step import late_lever
 from track.prediction import predict, unsure_where_unknown
 from track.search import look_of, looks_changed
-from track.shown import Bools, bones_shown, coordinates_known, coordinates_seen
+from track.shown import bones_shown, coordinates_known, coordinates_seen
+from track.tracked_frame import BY_HAND, FORGOTTEN_S, FOUND, TrackedFrame, TrackerState, lost_frame
 from track.uncertainty import pose_covariance
 
 SAMPLED_VERTICES = 2000
@@ -43,56 +44,10 @@ _USUAL_M = 0.001  # matched skin of an adapted subject from its clouds, where it
 _CLEARLY_WORSE = 1.2  # from a likely start, skin that is farther from the cloud than as adapted by more is searched
 _STILL_RAD, _MOST_FITS = np.deg2rad(0.5), 5  # a pose found anew is fitted until it stays
 _PAST_S = 0.15  # what is found when the last pose is older than this is found anew
-_FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 _COMPARED_S = 0.2  # after which what was taken up from a pose forgotten by then is compared with what a search finds
 _BACK_S = 1.0  # time in which a joint that nothing tells of has gone most of the way back to rest
 _LONGEST_WAIT_S = 8.0  # between searches for bones out of sight, or for a limb in a cloud that stays as it was
 _BY_HAND_RAD, _BY_HAND_M = np.deg2rad(5.0), 0.015  # how sure a pose is that a person set
-
-FOLLOWED, FOUND, BY_HAND, BACKWARD = "followed", "found", "by hand", "backward"
-"""How a frame's pose was come by: from the frame before, by search, from a pose set by hand, from a later frame."""
-
-
-@dataclass(frozen=True)
-class TrackedFrame:
-    """One frame: pose (n,), covariance (n, n), which bones show (B,), and quality; ``lost`` is the reason, or empty.
-
-    Of a tracked frame the pose is whole, coordinates of bones that do not show are guessed. ``late`` is the lever
-    (n, n) (s) of sensors that did not look at once (``track.out_of_step``), (0, 0) where all did.
-    """
-
-    time_s: float
-    theta: Floats = field(repr=False)
-    covariance: Floats = field(repr=False)
-    shown: Bools = field(repr=False)
-    residual_m: float
-    skin_m: float
-    coverage: float
-    matches: int
-    lost: str
-    how: str = FOLLOWED
-    late: Floats = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
-
-
-@dataclass(frozen=True)
-class TrackerState:
-    """What the next frame needs: the last tracked pose, its time (-inf: none), its velocity, what is not known of it.
-
-    ``shown`` are the bones that showed then; ``known_s`` says when each coordinate was last known (-inf: never),
-    ``searched_s`` when the limb was last searched, ``wait_s`` how long to wait before what was not found is searched
-    again, ``look`` how the cloud looked when the whole limb was searched in vain (``track.search``), ``taken_up_s``
-    when the limb was taken up from a forgotten pose, inf once that has been compared with what a search finds.
-    """
-
-    time_s: float
-    theta: Floats
-    velocity: Floats  # (n,) rad/s, m/s
-    shown: Bools  # (B,)
-    known_s: Floats  # (n,)
-    searched_s: float = -np.inf
-    wait_s: float = _FORGOTTEN_S
-    look: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
-    taken_up_s: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -122,7 +77,7 @@ class Tracker:
             "least_bones_found_anew": LEAST_BONES,
             "most_outline_on_other_surface": MOST_ATTACHED,
             "found_anew_after_s": _PAST_S,
-            "searched_after_s": _FORGOTTEN_S,
+            "searched_after_s": FORGOTTEN_S,
             "compared_after_s": _COMPARED_S,
             "longest_wait_for_search_s": _LONGEST_WAIT_S,
             "back_to_rest_s": _BACK_S,
@@ -138,11 +93,11 @@ class Tracker:
             start, _ = on_its_side(body, target, start, self.sample)
             fit = _settled(body, target, start.fit.theta, self.sample)
         except FitError as error:
-            return _lost(self.subject.anatomy, time_s, error.problem), None
+            return lost_frame(self.subject.anatomy, time_s, error.problem), None
         attached = score_pose(body, target, fit, self.sample).attached
         if attached > MOST_ATTACHED:
             reason = f"{100 * attached:.0f} % of the limb's outline lies on other surface"
-            return _lost(self.subject.anatomy, time_s, reason), None
+            return lost_frame(self.subject.anatomy, time_s, reason), None
         never = np.full(len(fit.theta), -np.inf)
         frame, known_s = self._judge(fit, target, time_s, never, least=LEAST_BONES)
         frame = self._doubted(frame)
@@ -167,7 +122,7 @@ class Tracker:
         try:
             fit = fit_pose(self.subject.body, target, theta, self.sample, prior=prior)
         except FitError as error:
-            return _lost(anatomy, time_s, f"from the pose set by hand {error.problem}"), state
+            return lost_frame(anatomy, time_s, f"from the pose set by hand {error.problem}"), state
         frame, known_s = self._judge(fit, target, time_s, np.full(len(theta), -np.inf), least=1)
         if frame.lost:
             return replace(frame, lost=f"from the pose set by hand {frame.lost}"), state
@@ -186,7 +141,7 @@ class Tracker:
         for, and what is found then stands if it explains the cloud clearly better. Without ``searching`` none is done.
         """
         lost_for_s = time_s - max(state.time_s, state.searched_s)
-        if searching and lost_for_s > _FORGOTTEN_S:
+        if searching and lost_for_s > FORGOTTEN_S:
             look = look_of(target.cloud)
             if lost_for_s > state.wait_s or looks_changed(look, state.look):
                 frame, found = self.first(target, time_s)
@@ -225,7 +180,7 @@ class Tracker:
         try:
             fit = follow_pose(self.subject.body, target, replace(prior, mean=mean), self.sample)
         except FitError as error:
-            return _lost(anatomy, time_s, error.problem), state
+            return lost_frame(anatomy, time_s, error.problem), state
         frame, known_s = self._judge(fit, target, time_s, state.known_s, least=1)
         if time_s - state.time_s > _PAST_S:
             frame = self._doubted(frame)
@@ -233,7 +188,7 @@ class Tracker:
             return frame, state
         velocity = pose_difference(anatomy, frame.theta, state.theta) / (time_s - state.time_s)
         velocity[~(coordinates_seen(anatomy, frame.shown) & coordinates_seen(anatomy, state.shown))] = 0.0
-        taken_up_s = time_s if time_s - state.time_s > _FORGOTTEN_S else state.taken_up_s
+        taken_up_s = time_s if time_s - state.time_s > FORGOTTEN_S else state.taken_up_s
         after = TrackerState(time_s, frame.theta, velocity, frame.shown, known_s, taken_up_s=taken_up_s)
         return frame, after if frame.shown.all() else replace(after, searched_s=state.searched_s, wait_s=state.wait_s)
 
@@ -247,11 +202,11 @@ class Tracker:
         if frame.lost or frame.residual_m <= (self.usual_m if frame.shown[root] else FRESH_RESIDUAL_M):
             return frame
         reason = f"skin and cloud are {1e3 * frame.residual_m:.1f} mm apart, too far for a pose found anew"
-        return _lost(anatomy, frame.time_s, reason)
+        return lost_frame(anatomy, frame.time_s, reason)
 
     def missed(self, time_s: float, reason: str) -> TrackedFrame:
         """A frame that cannot even be looked at."""
-        return _lost(self.subject.anatomy, time_s, reason)
+        return lost_frame(self.subject.anatomy, time_s, reason)
 
     def _judge(
         self, fit: PoseFit, target: Target, time_s: float, known_s: Floats, *, least: int
@@ -276,7 +231,7 @@ class Tracker:
 def _search_is_due(state: TrackerState) -> bool:
     """Whether something has not been known for long, nor searched for."""
     unknown_s = state.time_s - float(state.known_s.min())
-    return unknown_s > _FORGOTTEN_S and state.time_s - state.searched_s > state.wait_s
+    return unknown_s > FORGOTTEN_S and state.time_s - state.searched_s > state.wait_s
 
 
 def make_tracker(subject: Subject) -> Tracker:
@@ -304,8 +259,3 @@ def _settled(body: Body, target: Target, theta: Floats, sample: SkinSample) -> P
         if np.abs(pose_difference(body.anatomy, fit.theta, before)).max() < _STILL_RAD:
             break
     return fit
-
-
-def _lost(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:
-    n, nowhere = len(anatomy.coordinates), np.zeros(len(anatomy.bones), dtype=bool)
-    return TrackedFrame(time_s, np.full(n, np.nan), np.full((n, n), np.nan), nowhere, np.nan, np.nan, 0.0, 0, reason)

@@ -2,8 +2,8 @@
 
 A placement is a rigid motion of the same N vertices. What it costs (m) is the mean distance of vertices that face the
 sensors from the cloud, plus that of some points from the vertices, both truncated, plus what an outline on other
-surface and skin in the void cost in ``adapt.fit.score``. Compiled loops do this for sensors without lens distortion;
-``costs_by_arrays`` is their twin in plain NumPy, which serves distorting lenses.
+surface and skin in the void cost in ``adapt.fit.score``. Compiled loops do this; ``costs_by_arrays`` is their twin in
+plain NumPy.
 """
 
 from __future__ import annotations
@@ -16,23 +16,21 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import in_an_image
 from adapt.fit.nearest import PointGrid
 from adapt.fit.score import (
     ATTACHED_M,
     BESIDE_M,
     FAR_M,
-    OUTLINE,
     SAME_SURFACE_M,
-    SEEN_PAST_M,
     VOID_M,
     attached_share,
-    nearest_around,
     void_share,
 )
+from adapt.fit.visibility import in_an_image, is_on_outline, is_past, nearest_around
 from capture.cloud.fuse import Cloud
 from capture.cloud.preprocess import Image
 from capture.compiled import compiled
+from capture.projection import Lens, lens_of, pixel_within
 
 _FEW_POINTS = 60
 
@@ -69,20 +67,17 @@ class Scene:
 
     @cached_property
     def nearest(self) -> list[Image]:
-        """Of each view the smallest depth (H, W) m around each pixel, as ``void_share`` wants it."""
+        """Of each view the smallest depth (H, W) m around each pixel, as ``looked_past`` asks for it."""
         return [nearest_around(view.depth) for view in self.cloud.views]
 
 
 def costs(scene: Scene, placed: Placements) -> Floats:
     """What each of R placements costs (R,) m."""
-    if any(view.camera.distortion for view in scene.cloud.views):
-        return costs_by_arrays(scene, placed)
     shape = placed.points.shape[:2]
     inside, void = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
     outline, attached = np.zeros(shape[0]), np.zeros(shape[0])
     for view, nearest in zip(scene.cloud.views, scene.nearest, strict=True):
-        lens = np.array([view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy])
-        images = (view.world_from_sensor, lens, view.depth, nearest)
+        images = (view.world_from_sensor, lens_of(view.camera), view.depth, nearest)
         _look(*images, placed.points, placed.normals, placed.weights, inside, void, outline, attached)
     counted = placed.facing * inside
     asked, distance = counted > 0.0, np.zeros(shape)
@@ -112,7 +107,7 @@ def _sum(counted: Floats, distance: Floats, apart: Floats, attached: Floats, voi
 @compiled
 def _look(
     world_from_sensor: Floats,
-    lens: Floats,
+    lens: Lens,
     depth: Image,
     nearest: Image,
     points: Floats,
@@ -133,8 +128,8 @@ def _look(
             row, column = _pixel(t, lens, depth.shape, a, b, c)
             if row >= 0:
                 inside[r, i] = True
-                void[r, i] = void[r, i] or nearest[row, column] > z + SEEN_PAST_M
-            if abs(e * t[0, 2] + f * t[1, 2] + g * t[2, 2]) >= OUTLINE:
+                void[r, i] = void[r, i] or is_past(nearest[row, column], z)
+            if not is_on_outline(t, e, f, g):
                 continue
             outline[r] += weights[i]
             row, column = _pixel(t, lens, depth.shape, a + BESIDE_M * e, b + BESIDE_M * f, c + BESIDE_M * g)
@@ -143,16 +138,12 @@ def _look(
 
 
 @compiled
-def _pixel(t: Floats, lens: Floats, shape: tuple[int, int], a: float, b: float, c: float) -> tuple[int, int]:
+def _pixel(t: Floats, lens: Lens, shape: tuple[int, int], a: float, b: float, c: float) -> tuple[int, int]:
     """Row and column of the pixel that a point at (a, b, c) from the sensor falls on; -1 outside the image."""
+    x = a * t[0, 0] + b * t[1, 0] + c * t[2, 0]
+    y = a * t[0, 1] + b * t[1, 1] + c * t[2, 1]
     z = a * t[0, 2] + b * t[1, 2] + c * t[2, 2]
-    if z <= 0.0:
-        return -1, -1
-    column = np.rint(lens[0] * (a * t[0, 0] + b * t[1, 0] + c * t[2, 0]) / z + lens[2])
-    row = np.rint(lens[1] * (a * t[0, 1] + b * t[1, 1] + c * t[2, 1]) / z + lens[3])
-    if 0.0 <= column < shape[1] and 0.0 <= row < shape[0]:
-        return int(row), int(column)
-    return -1, -1
+    return pixel_within(lens, shape, x, y, z)
 
 
 @compiled

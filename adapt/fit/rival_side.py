@@ -26,6 +26,7 @@ from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.score import skin_apart
 from adapt.fit.shape import ShapeFit, fit_shape
 from adapt.fit.start import try_pose
+from adapt.fit.visibility import depth_of
 from adapt.mirror import mirrored_body, mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates, moved_rigidly
@@ -117,11 +118,7 @@ def refuse_neither_side(
 
 def _noisier(targets: Sequence[Target]) -> float:
     """How many times noisier the K clouds are, by their distance from the sensors, than near ones."""
-    depths = [
-        (target.cloud.points[index] - view.world_from_sensor[:3, 3]) @ view.world_from_sensor[:3, 2]
-        for target in targets
-        for view, index, _ in target.parts
-    ]
+    depths = [depth_of(view, target.cloud.points[index]) for target in targets for view, index, _ in target.parts]
     return max(1.0, (float(np.median(np.concatenate(depths))) / _NEAR_M) ** 2)
 
 

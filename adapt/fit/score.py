@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target, depth_at, in_an_image, visible_from
+from adapt.fit.correspondences import Target
 from adapt.fit.pose import PoseFit, match_pose
 from adapt.fit.sample import SkinSample
+from adapt.fit.visibility import depth_at, depth_of, looked_past, on_outline, plainly_seen_or_hidden
 from adapt.model.body import Body, pose_skin
 from adapt.model.surface import vertex_areas
 from capture.cloud.fuse import Cloud
-from capture.cloud.preprocess import Image
 
 FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
 _NEAR_M = 0.025  # skin this near to the cloud is found
@@ -24,9 +23,6 @@ ATTACHED_M = 0.03  # what a limb whose whole outline lies on other surface costs
 VOID_M = 0.06  # what a limb that lies in empty space altogether costs
 BESIDE_M = 0.035  # how far beside the outline to look for other surface
 SAME_SURFACE_M = 0.035  # surface this near in depth goes on beyond the outline
-SEEN_PAST_M = 0.06  # a sensor that measures this much behind a vertex has looked past it
-_AROUND_PX, _NOTHING_M = 7, 1e6
-OUTLINE = 0.35  # cosine between normal and line of sight below which skin belongs to the outline
 
 
 @dataclass(frozen=True)
@@ -153,17 +149,13 @@ def _found(distance: Floats, weights: Floats) -> tuple[float, float]:
 def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Floats) -> Floats:
     """For R placements of N vertices (R, N, 3) the share (R,) of the outline that is no outline in the depth images.
 
-    A vertex whose normal is square to the line of sight belongs to the outline; a little beside it, away from the
-    limb, there should be nothing or something at another depth.
+    A little beside it, away from the limb, there should be nothing or something at another depth.
     """
     attached, outline = np.zeros(len(points)), np.zeros(len(points))
     for view in cloud.views:
-        eye = view.world_from_sensor[:3, 3]
-        forward = view.world_from_sensor[:3, 2]
-        on_outline = np.abs(normals @ (-forward)) < OUTLINE
-        placement, vertex = np.nonzero(on_outline)
+        placement, vertex = np.nonzero(on_outline(view, normals))
         beside = points[placement, vertex] + BESIDE_M * normals[placement, vertex]
-        depth = (points[placement, vertex] - eye) @ forward
+        depth = depth_of(view, points[placement, vertex])
         measured, _, _ = depth_at(view, beside)
         same = (measured > 0.0) & (np.abs(measured - depth) < SAME_SURFACE_M)
         outline += np.bincount(placement, weights[vertex], minlength=len(points))
@@ -172,23 +164,11 @@ def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Float
 
 
 def void_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
-    """For R placements of N vertices (R, N, 3) the weighted share (R,) at which a sensor saw nothing, or past it.
-
-    Sensors drop pixels on any surface, so a vertex is in the void only where no pixel around it shows a surface.
-    """
+    """For R placements of N vertices (R, N, 3) the weighted share (R,) at which a sensor saw nothing, or past it."""
     void = np.zeros(points.shape[:2], dtype=bool)
     for view in cloud.views:
-        nearest = nearest_around(view.depth)
-        measured, depth, inside = depth_at(replace(view, depth=nearest), points.reshape(-1, 3))
-        void |= (inside & (measured > depth + SEEN_PAST_M)).reshape(void.shape)
+        void |= looked_past(view, points.reshape(-1, 3)).reshape(void.shape)
     return np.asarray(void @ weights / weights.sum())
-
-
-def nearest_around(depth: Image) -> Image:
-    """The smallest depth (H, W) m measured around each pixel of an image (H, W), or something far beyond any."""
-    filled = np.where(depth > 0.0, depth, _NOTHING_M).astype(np.float32)
-    nearest = cv2.erode(filled, np.ones((_AROUND_PX, _AROUND_PX)), borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(nearest, dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -211,14 +191,10 @@ def _sight(target: Target, points: Floats, normals: Floats) -> _Sight:
     distance, weight = np.full(len(points), FAR_M), np.zeros(len(points))
     in_sight = np.zeros(len(points), dtype=bool)
     for view, _, tree in target.parts:
-        sight = view.world_from_sensor[:3, 3] - points
-        faces = np.einsum("ij,ij->i", normals, sight) > 0.3 * np.linalg.norm(sight, axis=1)
-        seen = visible_from(view, points, normals) & faces
+        seen, hidden = plainly_seen_or_hidden(view, points, normals)
         nearest, _ = tree.query(points[seen], distance_upper_bound=FAR_M)
         distance[seen] = np.minimum(distance[seen], nearest)
         weight[seen] = 1.0
-        hidden = np.flatnonzero(faces & ~seen)
-        hidden = hidden[in_an_image([view], points[hidden])]
         weight[hidden] = np.maximum(weight[hidden], 0.5)
         measured, depth, _ = depth_at(view, points[seen])
         left_out = (np.abs(measured - depth) < _NEAR_M) & (nearest >= _NEAR_M)

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import pixel_of
+from adapt.fit.visibility import depth_of, pixel_of
 from capture.cloud.fuse import Cloud, View
 from capture.cloud.preprocess import Mask, jump_mask
 
@@ -59,7 +59,7 @@ def _pick(cloud: Cloud, index: Ints) -> Cloud:
 
 def _slender_pixels(view: View, points: Floats, radius_m: float) -> Mask:
     """Which pixels (H, W) the disc cannot reach, its size as seen at the points' distance."""
-    distance = float(np.median((points - view.world_from_sensor[:3, 3]) @ view.world_from_sensor[:3, 2]))
+    distance = float(np.median(depth_of(view, points)))
     radius = max(1, round(radius_m * view.camera.fx / distance))
     filled = cv2.morphologyEx((view.depth > 0.0).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((_HOLE_PX, _HOLE_PX)))
     foreground = filled * ~jump_mask(view.depth, view.camera)

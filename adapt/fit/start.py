@@ -24,6 +24,7 @@ from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import FoundPart, ScoredPose, find_skin, score_pose
 from adapt.fit.slender import slender_parts, thicker_than
 from adapt.fit.untold import towards_rest
+from adapt.fit.visibility import face_the_sensors
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.model.pose_space import joint_coordinates, root_coordinates
 from adapt.model.shape.prior import overall_size
@@ -194,11 +195,8 @@ def _configurations(body: Body) -> Iterator[_Coarse]:
 def _place(coarse: _Coarse, rotations: Floats, scene: Scene, extremities: Floats) -> Iterator[tuple[Floats, Floats]]:
     """Turn one configuration every way, put its middle on the cloud's middle and its tip on each extremity."""
     cloud, back = scene.cloud, rotations.transpose(0, 2, 1)
-    eyes = np.array([view.world_from_sensor[:3, 3] for view in cloud.views])
-    toward = eyes.mean(axis=0) - cloud.points.mean(axis=0)
-    toward /= np.linalg.norm(toward)
     points, normals = coarse.points @ back, coarse.normals @ back
-    facing = coarse.weights * (normals @ toward > 0.2)
+    facing = coarse.weights * face_the_sensors(cloud, normals)
     middle = np.einsum("rn,rni->ri", facing, points) / np.maximum(facing.sum(axis=1), 1e-9)[:, None]
     tips = rotations @ coarse.tip
     anchors = [cloud.points.mean(axis=0) - middle]

@@ -13,7 +13,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from capture.camera import Camera, backproject, project
+from capture.camera import Camera, backproject
 from capture.cloud.planes import Plane, find_planes
 from capture.errors import CalibrationError
 from capture.rigid import Floats, apply, exp_so3, inverse, transform
@@ -112,7 +112,7 @@ def find_box(depth_m: Floats, camera: Camera, size_m: tuple[float, float, float]
     _refuse_another_scale(corner, size_m)
     pose, sides = _initial_pose(corner.planes, size_m)
     cloud = points[np.isfinite(points[..., 2])]
-    pose, residuals = _refined(pose, sides, cloud, np.asarray(size_m) / 2.0)
+    pose, residuals = _refined(pose, sides, cloud, np.asarray(size_m) / 2.0, 1e-8)
     measured = tuple(float(side) for side in corner.size_m)
     return BoxFit(
         box_from_sensor=pose,
@@ -198,9 +198,11 @@ def _against(corner: _Corner, size_m: tuple[float, float, float]) -> str:
 
 
 def _at_border(plane: Plane, camera: Camera) -> bool:
+    from capture.projection import project  # compiled loops, which a box's size alone does not need
+
     pixels, _ = project(camera, plane.points)
     nearest = np.minimum(pixels, np.array([camera.width - 1, camera.height - 1]) - pixels)
-    return bool((nearest < _AT_BORDER_PX).any())
+    return not (nearest >= _AT_BORDER_PX).all()  # what the lens model does not reach is at the border, too
 
 
 def _refuse_other_angles(angles: tuple[float, float, float], planes: tuple[Plane, Plane, Plane]) -> None:
@@ -262,9 +264,7 @@ def _initial_pose(planes: tuple[Plane, Plane, Plane], size_m: tuple[float, float
     return transform(rotation, sides * np.asarray(size_m) / 2.0 - (rotation * centres).sum(axis=1)), sides
 
 
-def _refined(
-    pose: Floats, sides: Floats, cloud: Floats, half: Floats, small_step: float = 1e-8
-) -> tuple[Floats, Floats]:
+def _refined(pose: Floats, sides: Floats, cloud: Floats, half: Floats, small_step: float) -> tuple[Floats, Floats]:
     """Gauss-Newton with Tukey's weights on the pose (4, 4); also the distances (N,) m of the points it rests on."""
     near = apply(pose, cloud)
     cloud = cloud[(np.abs(near) < half + 3.0 * _EDGE_M).all(axis=1)]

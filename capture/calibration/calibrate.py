@@ -12,39 +12,23 @@ order of the stated size, the first sensor on the positive side of the first two
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from capture.calibration.agreement import Apart, apart, surface
-from capture.calibration.box import BoxFit, displacement, find_box, symmetries
-from capture.camera import Camera, backproject, project
+from capture.calibration.box import BoxFit, symmetries
+from capture.calibration.box_images import box_in_images
+from capture.calibration.extrinsic_check import CloudOffset, cloud_offset, surface
+from capture.calibration.shared_views import Look, agreement, least_agreement, shared_looks
 from capture.errors import CalibrationError
 from capture.recording import (
     Calibration,
-    FrameFile,
     Recording,
-    Sensor,
     SensorCalibration,
-    instants,
-    read_depth,
     write_calibration_file,
 )
-from capture.rigid import Floats, apply, inverse, transform
+from capture.rigid import Floats, inverse, transform
 
-_NEAR_MEDIAN_M = 0.02  # readings farther from a pixel's median over the box frames are not averaged
-_AVERAGED = 60  # of the box frames, at most, spread over them: all are in memory at once
-_BOX_IMAGES = 5  # compared to see that the box stood still
-# Single images of a Carmine show the corners 0.8 mm off at most at 1.2 m, 3.5 mm at 2.2 m: depth errs by its square.
-_LARGEST_MOVE_M, _LARGEST_MOVE_AT_M = 0.003, 1.2
-_INSTANTS = 12  # compared to settle the ambiguity
-_POINTS = 3000  # of each sensor at each instant
-_AGREEMENT_FLOOR_M, _AGREEMENT_GROWTH = 0.015, 0.003  # tolerance at depth z: floor + growth z^2
-_SILHOUETTE_PX = 5  # a reading missing nearer than this to others says nothing
-_FEW = 0.02  # of all points; so many must agree before a score means much
 _LEAST_SCORE, _LEAST_MARGIN = 0.3, 0.3
 DOUBTFUL_APART_M = 0.0025  # sound calibrations of simulated Carmines left 0.3 to 1 mm at 1.2 m, 2 mm at 2.2 m
 _FAR_APART_M = 0.005
@@ -55,17 +39,6 @@ _REMEDY_OF_KNOWN = (
     "check that the matrices are of this rig and these sensors, in metres, that nothing moved since, and that the "
     "clocks agree; or show all sensors a box"
 )
-
-
-@dataclass(frozen=True, eq=False)
-class _Look:
-    """What one sensor sees at one instant: depth (H, W) m, some of its points (N, 3) m, surely empty pixels (H, W)."""
-
-    camera: Camera
-    depth: NDArray[np.float32]
-    points: Floats
-    empty: NDArray[np.bool_]
-    range_m: tuple[float, float]
 
 
 def calibrate_recording(recording: Recording) -> Calibration:
@@ -87,12 +60,12 @@ def calibrate_recording(recording: Recording) -> Calibration:
             where=recording.path,
             remedy="add its size to recording.json",
         )
-    fits = {sensor.name: _fit(recording, sensor, recording.box_size_m) for sensor in recording.sensors}
-    looks = _looks(recording, _BOX_ALONE) if len(recording.sensors) > 1 else []
+    fits = {sensor.name: box_in_images(recording, sensor, recording.box_size_m) for sensor in recording.sensors}
+    looks = shared_looks(recording, _BOX_ALONE) if len(recording.sensors) > 1 else []
     poses, margins = _resolved(recording, fits, symmetries(recording.box_size_m), looks)
-    distances = _distances(recording, looks, poses)
+    offsets = _offsets(recording, looks, poses)
     return Calibration(
-        {name: _report(fit, poses[name], margins.get(name), distances.get(name)) for name, fit in fits.items()}
+        {name: _report(fit, poses[name], margins.get(name), offsets.get(name)) for name, fit in fits.items()}
     )
 
 
@@ -104,22 +77,22 @@ def known_calibration(recording: Recording, poses: Mapping[str, Floats], *, wher
     Raises:
         CalibrationError: the sensors never saw the person at once, or what they saw does not lie on each other.
     """
-    looks = _looks(recording, "matrices alone are not believed") if len(recording.sensors) > 1 else []
+    looks = shared_looks(recording, "matrices alone are not believed") if len(recording.sensors) > 1 else []
     _refuse_disagreeing(looks, poses, where)
-    distances = _distances(recording, looks, poses, _REMEDY_OF_KNOWN)
-    return Calibration({name: _known_sensor(pose, where, distances.get(name)) for name, pose in poses.items()})
+    offsets = _offsets(recording, looks, poses, _REMEDY_OF_KNOWN)
+    return Calibration({name: _known_sensor(pose, where, offsets.get(name)) for name, pose in poses.items()})
 
 
-def _known_sensor(pose: Floats, where: Path, distance: Apart | None) -> SensorCalibration:
-    return SensorCalibration(pose, residual_mm=None, details={"given_by": where.name, **_apart_details(distance)})
+def _known_sensor(pose: Floats, where: Path, offset: CloudOffset | None) -> SensorCalibration:
+    return SensorCalibration(pose, residual_mm=None, details={"given_by": where.name, **_apart_details(offset)})
 
 
-def _refuse_disagreeing(looks: list[dict[str, _Look]], poses: Mapping[str, Floats], where: Path) -> None:
+def _refuse_disagreeing(looks: list[dict[str, Look]], poses: Mapping[str, Floats], where: Path) -> None:
     """Refuse poses by which what one sensor saw is not where those before it saw it."""
-    score = _least_score(looks, poses)
+    score = least_agreement(looks, poses)
     if score is None or score[1] >= _LEAST_SCORE:
         return
-    turned = _least_score(looks, {name: inverse(pose) for name, pose in poses.items()})
+    turned = least_agreement(looks, {name: inverse(pose) for name, pose in poses.items()})
     other_way = turned is not None and turned[1] >= _LEAST_SCORE
     raise CalibrationError(
         f"what sensor {score[0]!r} saw does not lie on what the others saw: they agree by {score[1]:.2f}"
@@ -131,95 +104,14 @@ def _refuse_disagreeing(looks: list[dict[str, _Look]], poses: Mapping[str, Float
     )
 
 
-def _least_score(looks: list[dict[str, _Look]], poses: Mapping[str, Floats]) -> tuple[str, float] | None:
-    """The sensor that agrees least with those before it, and by how much; None if there is but one."""
-    names = list(poses)
-    scores = [
-        (_score(looks, name, poses[name], {other: poses[other] for other in names[:number]}), name)
-        for number, name in enumerate(names)
-        if number
-    ]
-    if not scores:
-        return None
-    score, name = min(scores)
-    return name, score
-
-
 def write_calibration(recording: Recording, calibration: Calibration) -> None:
     """Keep a calibration in the recording's folder, where ``open_recording`` finds it."""
     write_calibration_file(recording.path, calibration)
 
 
-def averaged_depth(sensor: Sensor, frames: tuple[FrameFile, ...]) -> NDArray[np.float32]:
-    """One depth image (H, W) m of a scene that does not move; 0 where most frames have no reading.
-
-    A pixel is the mean of its readings near their median: the median alone would stay on the sensor's coarse steps.
-    Of many frames some are taken, spread over all.
-    """
-    frames = tuple(frames[i] for i in _spread(len(frames), _AVERAGED))
-    stack = np.stack([read_depth(sensor, frame) for frame in frames])
-    stack[stack == 0.0] = np.nan
-    usual = np.count_nonzero(np.isfinite(stack), axis=0) * 2 > len(frames)
-    readings = stack[:, usual]
-    near = np.abs(readings - np.nanmedian(readings, axis=0)) < _NEAR_MEDIAN_M
-    # An even number of readings can have its median in a gap between two surfaces.
-    count, total = near.sum(axis=0), np.where(near, readings, 0.0).sum(axis=0)
-    depth = np.zeros(usual.shape, dtype=np.float32)
-    depth[usual] = np.where(count > 0, total / np.maximum(count, 1), 0.0)
-    return depth
-
-
-def _fit(recording: Recording, sensor: Sensor, size_m: tuple[float, float, float]) -> BoxFit:
-    where = recording.path / sensor.name
-    if not sensor.box_frames:
-        raise CalibrationError(
-            "there are no images of the calibration box", where=where, remedy="record the box with each sensor"
-        )
-    images = [sensor.box_frames[i] for i in _spread(len(sensor.box_frames), _BOX_IMAGES)]
-    single = [read_depth(sensor, frame).astype(np.float64) for frame in images]
-    try:
-        fit = find_box(averaged_depth(sensor, sensor.box_frames).astype(np.float64), sensor.camera, size_m)
-    except CalibrationError as error:
-        _refuse_moved(_first_box(single, sensor.camera, size_m), single, sensor, size_m, where)
-        raise CalibrationError(error.problem, where=where, remedy=error.remedy) from error
-    _refuse_moved(fit, single, sensor, size_m, where)
-    return fit
-
-
-def _first_box(single: list[Floats], camera: Camera, size_m: tuple[float, float, float]) -> BoxFit | None:
-    """The box in the first image alone, if the last one has it too: else neither tells that it moved."""
-    try:
-        fits = [find_box(depth, camera, size_m) for depth in (single[0], single[-1])]
-    except CalibrationError:
-        return None
-    return fits[0]
-
-
-def _refuse_moved(
-    fit: BoxFit | None, single: list[Floats], sensor: Sensor, size_m: tuple[float, float, float], where: Path
-) -> None:
-    moves = [0.0 if fit is None else displacement(fit, depth, sensor.camera, size_m) for depth in single]
-    if fit is not None and max(moves) > _largest_move(fit):
-        far = f"by {1000 * max(moves):.0f} mm" if np.isfinite(max(moves)) else "far"
-        raise CalibrationError(
-            f"the box, or the sensor, moved {far} while its images were taken",
-            where=where,
-            remedy="leave both alone while the box is recorded, and nobody in front of it",
-        )
-
-
-def _largest_move(fit: BoxFit) -> float:
-    """How far (m) apart two images of a box that stands still may show it."""
-    distance = float(np.linalg.norm(fit.box_from_sensor[:3, 3]))
-    return _LARGEST_MOVE_M * max(1.0, distance / _LARGEST_MOVE_AT_M) ** 2
-
-
-def _spread(count: int, most: int) -> list[int]:
-    """At most so many of ``count`` indices, first and last included."""
-    return sorted({round(i) for i in np.linspace(0, count - 1, most)})
-
-
-def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None, distance: Apart | None) -> SensorCalibration:
+def _report(
+    fit: BoxFit, world_from_sensor: Floats, margin: float | None, offset: CloudOffset | None
+) -> SensorCalibration:
     return SensorCalibration(
         world_from_sensor,
         residual_mm=1000.0 * fit.residual_m,
@@ -229,20 +121,20 @@ def _report(fit: BoxFit, world_from_sensor: Floats, margin: float | None, distan
             "face_angles_deg": list(fit.face_angles_deg),
             "measured_size_mm": [1000.0 * side for side in fit.measured_size_m],
             "ambiguity_margin": margin,
-            **_apart_details(distance),
+            **_apart_details(offset),
         },
     )
 
 
-def _apart_details(distance: Apart | None) -> dict[str, float | None]:
+def _apart_details(offset: CloudOffset | None) -> dict[str, float | None]:
     return {
-        "apart_mm": None if distance is None else 1000.0 * distance.distance_m,
-        "apart_deviation_mm": None if distance is None else 1000.0 * distance.deviation_m,
+        "apart_mm": None if offset is None else 1000.0 * offset.distance_m,
+        "apart_deviation_mm": None if offset is None else 1000.0 * offset.deviation_m,
     }
 
 
 def _resolved(
-    recording: Recording, fits: Mapping[str, BoxFit], readings: list[Floats], looks: list[dict[str, _Look]]
+    recording: Recording, fits: Mapping[str, BoxFit], readings: list[Floats], looks: list[dict[str, Look]]
 ) -> tuple[dict[str, Floats], dict[str, float]]:
     """World from sensor (4, 4) by name, one sensor after the other, and the margins of the decisions."""
     first, *others = recording.sensors
@@ -250,7 +142,7 @@ def _resolved(
     margins: dict[str, float] = {}
     for sensor in others:
         candidates = [transform(turn, np.zeros(3)) @ fits[sensor.name].box_from_sensor for turn in readings]
-        scores = [_score(looks, sensor.name, candidate, poses) for candidate in candidates]
+        scores = [agreement(looks, sensor.name, candidate, poses) for candidate in candidates]
         ranked = np.argsort(scores)[::-1]
         best, margin = int(ranked[0]), float(scores[ranked[0]] - scores[ranked[1]])
         if scores[best] < _LEAST_SCORE:
@@ -272,9 +164,9 @@ def _resolved(
     return poses, margins
 
 
-def _distances(
-    recording: Recording, looks: list[dict[str, _Look]], poses: Mapping[str, Floats], remedy: str = _REMEDY_OF_BOX
-) -> dict[str, Apart]:
+def _offsets(
+    recording: Recording, looks: list[dict[str, Look]], poses: Mapping[str, Floats], remedy: str = _REMEDY_OF_BOX
+) -> dict[str, CloudOffset]:
     """How far the clouds of each sensor but the first lie from those of one before it, the worst of all.
 
     Raises:
@@ -282,93 +174,25 @@ def _distances(
     """
     seen = [{name: surface(look.depth, look.camera) for name, look in moment.items()} for moment in looks]
     names = [sensor.name for sensor in recording.sensors]
-    found: dict[str, Apart] = {}
+    found: dict[str, CloudOffset] = {}
     for number, name in enumerate(names):
         for other in names[:number]:
             pairs = [(moment[name], moment[other]) for moment in seen if name in moment and other in moment]
-            distance = apart(pairs, inverse(poses[other]) @ poses[name]) if pairs else None
-            if distance is None:
+            offset = cloud_offset(pairs, inverse(poses[other]) @ poses[name]) if pairs else None
+            if offset is None:
                 continue
-            _refuse_far(recording, name, other, distance, remedy)
-            if name not in found or distance.distance_m > found[name].distance_m:
-                found[name] = distance
+            _refuse_far(recording, name, other, offset, remedy)
+            if name not in found or offset.distance_m > found[name].distance_m:
+                found[name] = offset
     return found
 
 
-def _refuse_far(recording: Recording, name: str, other: str, distance: Apart, remedy: str) -> None:
-    if distance.distance_m < max(_FAR_APART_M, _SURELY * distance.deviation_m):
+def _refuse_far(recording: Recording, name: str, other: str, offset: CloudOffset, remedy: str) -> None:
+    if offset.distance_m < max(_FAR_APART_M, _SURELY * offset.deviation_m):
         return
     raise CalibrationError(
-        f"what sensor {name!r} saw lies {1000 * distance.distance_m:.0f} mm (standard deviation "
-        f"{1000 * distance.deviation_m:.0f} mm) from what {other!r} saw at the same time",
+        f"what sensor {name!r} saw lies {1000 * offset.distance_m:.0f} mm (standard deviation "
+        f"{1000 * offset.deviation_m:.0f} mm) from what {other!r} saw at the same time",
         where=recording.path,
         remedy=remedy,
     )
-
-
-def _looks(recording: Recording, alone: str) -> list[dict[str, _Look]]:
-    """What the sensors saw at some instants, spread over the recording, at which at least two saw something."""
-    if not any(sensor.frames for sensor in recording.sensors):
-        shared = []
-    else:
-        shared = [instant for instant in instants(recording) if len(instant.frames) > 1]
-    if not shared:
-        raise CalibrationError(
-            f"{alone}, and no frames of two sensors are from the same time",
-            where=recording.path,
-            remedy="record the person with all sensors at once",
-        )
-    return [
-        {name: _look(recording.sensor(name), frame) for name, frame in shared[index].frames.items()}
-        for index in _spread(len(shared), _INSTANTS)
-    ]
-
-
-def _look(sensor: Sensor, frame: FrameFile) -> _Look:
-    depth = read_depth(sensor, frame)
-    points = backproject(sensor.camera, depth)
-    points = points[np.isfinite(points[..., 2])]
-    window = np.ones((2 * _SILHOUETTE_PX + 1,) * 2, np.uint8)
-    empty = cv2.dilate((depth > 0.0).astype(np.uint8), window) == 0
-    return _Look(
-        sensor.camera, depth, points[:: max(1, len(points) // _POINTS)], np.asarray(empty), sensor.depth_range_m
-    )
-
-
-def _score(looks: list[dict[str, _Look]], name: str, pose: Floats, poses: Mapping[str, Floats]) -> float:
-    """How well a sensor at ``pose`` (4, 4) fits those at ``poses``, in [-1, 1]: (a - c) / (a + c + few).
-
-    Of the points compared, a agree and c contradict; ``few`` keeps a handful of points from deciding. Points that say
-    nothing do not count: else a reading that makes two sensors look from the same side, where all is seen by both,
-    would beat the true one.
-    """
-    agreeing = contradicting = total = 0
-    for look in looks:
-        for other in poses.keys() & look.keys() if name in look else ():
-            other_from_this = inverse(poses[other]) @ pose
-            for seen, by, by_from_seen in (
-                (look[name], look[other], other_from_this),
-                (look[other], look[name], inverse(other_from_this)),
-            ):
-                agree, contradict = _compared(seen, by, by_from_seen)
-                agreeing, contradicting, total = agreeing + agree, contradicting + contradict, total + len(seen.points)
-    return (agreeing - contradicting) / max(agreeing + contradicting + _FEW * total, 1.0)
-
-
-def _compared(seen: _Look, by: _Look, by_from_seen: Floats) -> tuple[int, int]:
-    """How many points one sensor saw that the other saw too, and how many where the other saw through them.
-
-    Points hidden behind what the other saw, out of its image or out of its range say nothing.
-    """
-    pixels, depth = project(by.camera, apply(by_from_seen, seen.points))
-    near, far = by.range_m
-    usable = (depth > near) & (depth < far)
-    column, row = np.rint(pixels[usable]).astype(int).T
-    depth = depth[usable]
-    inside = (column >= 0) & (column < by.camera.width) & (row >= 0) & (row < by.camera.height)
-    column, row, depth = column[inside], row[inside], depth[inside]
-    measured = by.depth[row, column]
-    tolerance = _AGREEMENT_FLOOR_M + _AGREEMENT_GROWTH * depth**2
-    agree = (measured > 0.0) & (np.abs(depth - measured) < tolerance)
-    through = ((measured > 0.0) & (depth < measured - tolerance)) | by.empty[row, column]
-    return int(agree.sum()), int(through.sum())

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.cloud.preprocess import DEPTH_STEP, Image
+from capture.projection import project
 from capture.rigid import Floats
 
 _STAYS_M, _STAYS_STEPS = 0.03, 2.0 * DEPTH_STEP  # at least, and 1 / m: what depth may change by where nothing moved
@@ -21,9 +22,11 @@ _LEAST_KNOWN = 0.2  # of the points must not be hidden
 def gone_share(points: Floats, camera: Camera, depth: Image) -> float:
     """Which share of points (N, 3) (m, sensor frame) a later or earlier depth image (H, W) (m) shows to have gone.
 
-    NaN where nearly all of them are hidden in it.
+    NaN where nearly all of them are hidden in it. Points that the lens model does not reach do not count.
     """
     pixels, z = project(camera, points)
+    has_pixel = np.isfinite(pixels).all(axis=1)
+    points, pixels, z = points[has_pixel], pixels[has_pixel], z[has_pixel]
     tolerance = np.maximum(_STAYS_M, _STAYS_STEPS * z**2)
     padded = np.pad(depth, _WINDOW_PX)
     column, row = np.clip(np.rint(pixels).astype(int), 0, [camera.width - 1, camera.height - 1]).T

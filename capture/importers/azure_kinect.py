@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.camera import Camera, project, ray_slopes
+from capture.camera import Camera, ray_slopes
 from capture.errors import RecordingError
 from capture.importers.source import (
     ColourFrame,
@@ -139,6 +139,8 @@ def has_rays(camera: Camera, radius: float) -> NDArray[np.bool_]:
     The corners of wide images lie outside of what the model was fitted to (the calibration's metric radius), and the
     lens lets nothing through there; should a reading stand there all the same, nobody knows where it points.
     """
+    from capture.projection import project  # compiled loops: only these files need them
+
     slopes = ray_slopes(camera).reshape(-1, 2).astype(np.float64)
     pixels, _ = project(camera, np.column_stack([slopes, np.ones(len(slopes))]))
     v, u = np.mgrid[: camera.height, : camera.width]

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.axes import sensor_from_axes
 from capture.importers.cloud_files import Points, read_points
@@ -108,6 +108,8 @@ def _depth(points: Points, camera: Camera, scale: float) -> NDArray[np.uint16]:
     if points.size is not None:
         image[np.flatnonzero(seen)] = reading[seen].astype(np.int64)
     else:
+        from capture.projection import project  # compiled loops: only unorganised clouds need them
+
         pixels, _ = project(camera, xyz[seen])
         with np.errstate(invalid="ignore"):
             u, v = np.rint(pixels).T

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import posed_bones
 from adapt.model.pose_space import reported_coordinates

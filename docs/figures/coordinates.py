@@ -8,7 +8,8 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from adapt.anatomy import Anatomy, Coordinate, load_anatomy
+from adapt.anatomy import Anatomy, Coordinate
+from adapt.anatomy_file import load_anatomy
 from adapt.model.pose_space import is_free
 
 # What a positive value does, in the words of a clinic.

@@ -15,7 +15,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, make_body, rest_theta
 from capture.camera import Camera
 from capture.console import stdout

@@ -19,18 +19,19 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Bone, Coordinate, Frame, load_anatomy
-from adapt.build.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint
-from adapt.build.joint_accuracy import Comparison, compare_with_table, rest_from_table
-from adapt.build.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
-from adapt.build.sources_myosim import SourceBody
+from adapt.anatomy import Anatomy, Bone, Coordinate, Frame
+from adapt.anatomy_file import load_anatomy
 from adapt.model.joints import joint_motion
 from adapt.model.variation import constant_points
+from adapt.template_builder.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint
+from adapt.template_builder.joint_accuracy import Comparison, compare_with_table, rest_from_table
+from adapt.template_builder.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
+from adapt.template_builder.sources_myosim import SourceBody
 from capture.console import stdout
 from capture.files import replaced_when_complete
 from capture.rigid import apply, inverse
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.bones import FIGURE_7
-from track.evaluation.errors import distance_to_mesh
 from track.view.render import BONE, Layer, framing_camera, look_at, render, save_png
 
 Floats = NDArray[np.float64]
@@ -78,7 +79,7 @@ PANELS = (
 
 def calibrated() -> Anatomy:
     """The joints and the source's bones, without skin or handles, in the femur's OpenSim frame."""
-    from adapt.build.sources_myosim import load_skeleton
+    from adapt.template_builder.sources_myosim import load_skeleton
 
     source = load_skeleton(("femur_r", "tibia_r", "patella_r")).bodies
     bones = [_bone("femur", source["femur_r"], np.eye(4))]

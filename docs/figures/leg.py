@@ -15,7 +15,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from adapt.anatomy import Deformer, Floats, Ints, load_anatomy
+from adapt.anatomy import Deformer, Floats, Ints
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, bone_transforms, joint_centres, make_body, pose_skin
 from adapt.model.frames import frame_from_landmarks
 from capture.console import stdout

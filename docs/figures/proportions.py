@@ -14,7 +14,8 @@ import click
 import numpy as np
 from rich.table import Column, Table
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from capture.console import stdout
 from capture.files import replaced_when_complete

@@ -17,7 +17,7 @@ import click
 import numpy as np
 from rich.table import Table
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from capture.console import stdout
 from capture.files import replaced_when_complete
@@ -89,9 +89,9 @@ def deepest_overlap(body: Body, first: str, second: str, poses: list[dict[str, f
 def deepest_source_overlaps() -> dict[tuple[str, str], float] | None:
     """The same (m) for the source skeleton over the same poses, or None when it is not installed."""
     try:
-        from adapt.build.checks import source_bone
-        from adapt.build.sources_myosim import load_skeleton
-        from adapt.build.upper_limb import UPPER_LIMB_RIGHT as PLAN
+        from adapt.template_builder.checks import source_bone
+        from adapt.template_builder.sources_myosim import load_skeleton
+        from adapt.template_builder.upper_limb import UPPER_LIMB_RIGHT as PLAN
 
         source = load_skeleton(PLAN.bodies)
     except Exception as error:  # not installed, or a release with other names: the table goes without

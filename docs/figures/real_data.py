@@ -19,15 +19,16 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target, visible_from
+from adapt.fit.correspondences import Target
 from adapt.fit.sample import sample_skin
+from adapt.fit.visibility import visible_vertices
 from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.subject import load_subject
 from capture._open3d import open3d
-from capture.camera import project
 from capture.cloud.fuse import Cloud, View, fuse
-from capture.commands import as_region
+from capture.commands.region_options import as_region
 from capture.console import stdout
+from capture.projection import project
 from capture.recording import instants, open_recording
 from capture.rigid import apply, inverse
 from track.cli import bonetrack
@@ -89,7 +90,7 @@ def skin_to_cloud(body: Body, theta: Floats, shown: Bools, cloud: Cloud) -> floa
     skin, chosen = pose_skin(body, theta), np.flatnonzero(_counts(body, shown))
     points, normals = skin[chosen], sample.normals(skin)[chosen]
     target = Target(cloud)
-    seen = np.any([visible_from(view, points, normals) for view, _, _ in target.parts], axis=0)
+    seen = np.any([visible_vertices(view, points, normals) for view, _, _ in target.parts], axis=0)
     nearest = np.min([tree.query(points[seen])[0] for _, _, tree in target.parts], axis=0)
     return float(np.median(nearest))
 

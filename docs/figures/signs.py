@@ -14,11 +14,13 @@ from typing import Any
 import click
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Joint, load_anatomy
+from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, joint_centres, make_body, pose_skin
 from adapt.model.pose_space import is_free, root_joint
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.files import replaced_when_complete
+from capture.projection import project
 from capture.rigid import apply, inverse
 from track.evaluation.bones import pose
 from track.view.pictures import body_layers

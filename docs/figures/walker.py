@@ -11,72 +11,35 @@ from __future__ import annotations
 
 import csv
 import shlex
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import click
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
+from walker_leg import BOTH, FLOOR_UP, SOURCE, Leg
+from walker_pictures import overlay, picture
 
 from adapt.anatomy import Floats
-from adapt.model.body import Body, bone_transforms, pose_skin, posed_bones, rest_theta
+from adapt.model.body import Body, rest_theta
 from adapt.model.body import joint_centres as centres_of
-from adapt.subject import Subject, load_subject
-from capture.camera import project
-from capture.cloud.fuse import Cloud, View, fuse
-from capture.commands import as_region
+from adapt.subject import load_subject
+from capture.cloud.fuse import View, fuse
+from capture.commands.region_options import as_region
 from capture.console import stdout
 from capture.files import replaced_when_complete
-from capture.recording import Recording, instants, open_recording
-from capture.rigid import apply, inverse
+from capture.projection import project
+from capture.recording import instants, open_recording
 from track.cli import bonetrack
-from track.motion import Motion, load_motion
-from track.shown import known_thetas, skin_shown
-from track.view.pictures import body_layers
-from track.view.render import Layer, framing_camera, look_at, render, save_png
+from track.motion import load_motion
+from track.shown import known_thetas
 
-SOURCE = "gait_legs_walker"
 IMPORTING = "--fx 570 --fps 30"
-BOTH = (-0.19, -0.6, 0.6, 0.19, 0.24, 1.7)
 ALONE = {"right": (-0.19, -0.6, 0.6, 0.015, 0.24, 1.7), "left": (0.005, -0.6, 0.6, 0.19, 0.24, 1.7)}
 SIDES = {  # the frames that each leg is adapted to, and where it is tracked; the left is not found beside the right
     "right": ("2,10,15,24,36,50", BOTH),
     "left": ("4,14,24,38,48,56", ALONE["left"]),
 }
 POINTS = {"lower_leg": "knee", "foot": "ankle", "toe": "ball of the foot"}  # of the motion capture: what they are
-_SHOWN_FRAMES = (2, 11, 24, 40)
-_SHOWN_POINTS = 3  # one of so many, lest they hide the limb
-_PANEL = (300, 320)
-
-
-@dataclass(frozen=True)
-class Leg:
-    """One leg's subject and motion."""
-
-    side: str
-    subject: Subject
-    motion: Motion
-
-    @property
-    def body(self) -> Body:
-        """The adapted leg."""
-        return self.subject.body
-
-    @cached_property
-    def joints(self) -> Floats:
-        """Knee, ankle and ball of the foot (T, 3, 3) m, each carried by the shank or the foot; NaN where lost."""
-        anatomy = self.body.anatomy
-        points = np.full((len(self.motion.times), 3, 3), np.nan)
-        rest = self.body.p.value
-        carriers = (("tibia", "knee"), ("tibia", "talus"), ("foot", "MT2_head"))
-        for t in np.flatnonzero(self.motion.tracked):
-            moved = bone_transforms(self.body, self.motion.thetas[t])
-            for j, (bone, landmark) in enumerate(carriers):
-                points[t, j] = apply(moved[bone], rest[anatomy.landmark_index(landmark)][None])[0]
-        return points
 
 
 def commands(recordings: Path, work: Path) -> list[tuple[Path, str]]:
@@ -182,9 +145,6 @@ def inclination(leg: Leg) -> Floats:
     return np.asarray(np.rad2deg(np.arctan2(shank @ forward, shank @ up)))
 
 
-FLOOR_UP = np.array([0.0, -0.79, -0.61]) / np.linalg.norm([0.79, 0.61])  # the floor's normal in the sensor's frame
-
-
 def plot(legs: list[Leg], path: Path) -> None:
     """Knee, ankle and the shank's inclination over time; what is guessed is dotted."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -207,96 +167,6 @@ def plot(legs: list[Leg], path: Path) -> None:
     axes[0].legend(loc="upper right", fontsize="small")
     with replaced_when_complete(path) as partial:
         figure.savefig(partial, dpi=80)
-
-
-def picture(legs: list[Leg], recording: Recording, path: Path) -> None:
-    """Both legs over the cloud, from the sensor and from the side; bones that do not show are left out."""
-    rows = []
-    for k in _SHOWN_FRAMES:
-        cloud = fuse(recording, instants(recording)[k], region=as_region(BOTH))
-        rows.append(np.concatenate([_scene(legs, k, cloud, side=False), _scene(legs, k, cloud, side=True)], axis=1))
-    save_png(_few_colours(_two_columns(rows)), path)
-
-
-def _scene(legs: list[Leg], k: int, cloud: Cloud, *, side: bool) -> NDArray[np.uint8]:
-    front = -cloud.points.mean(axis=0) - 0.6 * FLOOR_UP
-    direction = np.cross(FLOOR_UP, front) if side else front
-    layers: list[Layer] = []
-    for leg in legs:
-        if leg.motion.tracked[k]:
-            layers += _shown_layers(leg, k)
-    middle = cloud.points.mean(axis=0)
-    around = middle + 1.25 * (cloud.points - middle)  # the limbs' far sides, too
-    eye = look_at(around, direction, FLOOR_UP)
-    camera = framing_camera(eye, around, width=_PANEL[0], height=_PANEL[1])
-    image = np.ascontiguousarray(render(layers, eye, camera, points=cloud.points[::_SHOWN_POINTS]))
-    cv2.putText(image, f"frame {k}", (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (200, 0, 0), 1, cv2.LINE_AA)
-    return np.asarray(image, dtype=np.uint8)
-
-
-def _shown_layers(leg: Leg, k: int) -> list[Layer]:
-    """Bones that show, and the skin that rides on them."""
-    theta, shown = leg.motion.thetas[k], leg.motion.shown[k]
-    *bones, skin = body_layers(leg.body, theta)
-    kept = skin_shown(leg.body, shown)[skin.faces].all(axis=1)
-    visible = [bone for bone, shows in zip(bones, shown, strict=True) if shows]
-    return [*visible, Layer(skin.vertices, skin.faces[kept], skin.colour, skin.opacity)] if kept.any() else visible
-
-
-def overlay(legs: list[Leg], pixels: dict[str, Floats], recording: Recording, path: Path) -> None:
-    """The depth image with bones (yellow), our joints (red) and the motion capture's points (white rings)."""
-    tiles = []
-    for k in _SHOWN_FRAMES:
-        view = fuse(recording, instants(recording)[k], region=as_region(BOTH)).views[0]
-        image = cv2.cvtColor(_grey(view.depth), cv2.COLOR_GRAY2RGB)
-        for leg in legs:
-            if not leg.motion.tracked[k]:
-                continue
-            for name, shows in zip(leg.motion.transforms, leg.motion.shown[k], strict=True):
-                if shows:
-                    _dots(image, _pixels(view, posed_bones(leg.body, leg.motion.thetas[k])[name][::4]), (255, 220, 0))
-            _outline(image, leg, k, view)
-            for u, v in _pixels(view, leg.joints[k]):
-                cv2.circle(image, (int(u), int(v)), 5, (255, 0, 0), -1)
-            for u, v in pixels[leg.side][k]:
-                cv2.circle(image, (int(u), int(v)), 6, (255, 255, 255), 2)
-        cv2.putText(image, f"frame {k}", (205, 325), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
-        tiles.append(np.asarray(image[:340, 200:460], dtype=np.uint8))
-    save_png(_few_colours(np.concatenate(tiles, axis=1)), path)
-
-
-def _outline(image: NDArray[np.uint8], leg: Leg, k: int, view: View) -> None:
-    skin = _pixels(view, pose_skin(leg.body, leg.motion.thetas[k]))
-    faces = leg.body.anatomy.skin_faces
-    silhouette = np.zeros(image.shape[:2], np.uint8)
-    for triangle in skin[faces[skin_shown(leg.body, leg.motion.shown[k])[faces].all(axis=1)]]:
-        cv2.fillConvexPoly(silhouette, triangle, 255)
-    contours, _ = cv2.findContours(silhouette, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(image, contours, -1, (255, 90, 90), 1)
-
-
-def _dots(image: NDArray[np.uint8], pixels: NDArray[np.int32], colour: tuple[int, int, int]) -> None:
-    inside = (pixels >= 0).all(axis=1) & (pixels < image.shape[1::-1]).all(axis=1)
-    image[pixels[inside, 1], pixels[inside, 0]] = colour
-
-
-def _pixels(view: View, points: Floats) -> NDArray[np.int32]:
-    uv, _ = project(view.camera, apply(inverse(view.world_from_sensor), points))
-    return np.rint(uv).astype(np.int32)
-
-
-def _grey(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Near is bright, nothing is black."""
-    return np.where(depth > 0.0, np.clip(255.0 - 150.0 * (depth - 0.8), 40.0, 230.0), 0.0).astype(np.uint8)
-
-
-def _two_columns(panels: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    lines = [np.concatenate(panels[i : i + 2], axis=1) for i in range(0, len(panels), 2)]
-    return np.concatenate(lines, axis=0)
-
-
-def _few_colours(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return np.asarray(np.rint(image / 15.0) * 15.0, dtype=np.uint8)  # a smaller file
 
 
 @click.command()

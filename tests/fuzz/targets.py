@@ -17,7 +17,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adapt.anatomy import Anatomy, load_anatomy, write_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy, write_anatomy
 from adapt.model.body import make_body
 from adapt.subject import Subject, load_subject, save_subject
 from capture.importers import Stated, open_source

@@ -118,7 +118,7 @@ def _item(line: dict[str, str | None], path: Path, number: int, anatomy: str | N
 
 def _anatomy(stated: str | None, folder: Path, where: str | Path) -> tuple[str, str | None]:
     """The name of an anatomy, or the path of its file from a ``folder`` and a digest of what the file holds."""
-    from adapt.anatomy import anatomy_file, is_path
+    from adapt.anatomy_file import anatomy_file, is_path
 
     if not stated:
         raise BatchError("no anatomy is stated", where=where, remedy="state it, such as --anatomy upper-limb-right")

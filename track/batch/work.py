@@ -75,7 +75,7 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     """Adapt the item's anatomy, unless its subject is given or adapted already, and track it."""
     import numpy as np
 
-    from adapt.anatomy import load_anatomy
+    from adapt.anatomy_file import load_anatomy
     from adapt.run import adapt_into
     from adapt.subject import load_subject
     from capture.cloud.region import automatic_region

@@ -1,1 +1,1 @@
-"""How right the results are: simulated performances with their truth, and errors against it."""
+"""The programs that measure how right and how fast the results are. They run from a checkout and are in no wheel."""

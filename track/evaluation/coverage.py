@@ -25,7 +25,7 @@ from capture.files import replaced_when_complete
 from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
 from capture.rigid import inverse
-from track.evaluation.errors import read_truth, world_from_common
+from track.accuracy.truth import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
 from track.shown import coordinates_known
 

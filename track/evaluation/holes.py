@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from adapt.build.meshes import Mesh
+from adapt.template_builder.meshes import Mesh
 
 
 def closed(mesh: Mesh) -> Mesh:

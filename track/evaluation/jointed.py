@@ -21,9 +21,9 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from adapt.anatomy import Floats
-from adapt.build.meshes import Mesh
+from adapt.template_builder.meshes import Mesh
 from capture.rigid import exp_so3, transform
-from track.evaluation.errors import distance_to_mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.skinning import dual_quaternions
 
 _NEAREST_M = 0.002  # skin that touches a bone counts as this near

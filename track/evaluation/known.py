@@ -17,12 +17,12 @@ from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.recording import Calibration, Recording, instants, open_recording
 from capture.rigid import inverse
+from capture.simulation.rig import SensorRig, default_rig
 from capture.simulation.sensor import NoiseModel, carmine
-from capture.simulation.simulate import SensorRig, default_rig, simulate_recording
-from track.evaluation.errors import read_truth, world_from_common, world_of_sensors
-from track.evaluation.performance import Performance
-from track.evaluation.simulate import simulate_performance
-from track.evaluation.things import Thing
+from capture.simulation.simulate import simulate_recording
+from track.accuracy.truth import read_truth, world_from_common, world_of_sensors
+from track.evaluation.things import Thing, simulate_with_things
+from track.simulation.performance import Performance
 
 CARMINE = carmine()
 
@@ -61,7 +61,7 @@ def record_known(
     A recording that stands there already is used as it is. A ``calibration`` is taken instead of the box's.
     """
     if not (out / "truth.npz").is_file():
-        simulate_performance(performance, out, noise=noise, rig=rig, seed=seed, things=things, overwrite=True)
+        simulate_with_things(performance, out, things, noise=noise, rig=rig, seed=seed)
     recording = open_recording(out)
     if recording.calibration is None:
         write_calibration(recording, calibration or calibrate_recording(recording))

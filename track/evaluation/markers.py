@@ -1,6 +1,6 @@
 """Virtual markers: what a motion capture laboratory would see of a body, stuck on the skin at the usual places.
 
-A marker is a skin vertex, so it moves with the skin over the bone. ``track/markers/NAME.json`` says where: the skin
+A marker is a skin vertex, so it moves with the skin over the bone. ``marker_sets/NAME.json`` says where: the skin
 that a ray comes to first, from a place among the landmarks ("at", with weights) in a direction of the bone's frame
 ("toward"; X forward, Y up, Z right); the bone that a model carries the marker on; its weights in a static trial and in
 motion; and pairs of markers whose distances scale a bone along its axes.
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,8 @@ from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.mirror import mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.frames import frame_from_landmarks
-from track.evaluation.performance import PerformanceError
 from track.export.osim import Marker
+from track.simulation.performance import PerformanceError
 
 _BEHIND_M = 0.005  # a bony landmark may lie this far outside the skin's vertices
 _FORWARD = 0.3  # what a metre along the ray counts beside a metre off it
@@ -59,7 +58,7 @@ def marker_set(anatomy: Anatomy) -> MarkerSet:
     Raises:
         PerformanceError: there is none.
     """
-    folder = Path(str(resources.files("track") / "markers"))
+    folder = Path(__file__).parent / "marker_sets"
     paths = [folder / f"{name}.json" for name in (anatomy.name, mirrored_name(anatomy.name))]
     path = next((path for path in paths if path.is_file()), None)
     if path is None:

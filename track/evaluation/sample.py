@@ -9,9 +9,10 @@ from pathlib import Path
 
 import click
 
-from adapt.anatomy import load_anatomy
-from track.evaluation.performance import perform, random_body
-from track.evaluation.simulate import simulate_performance
+from adapt.anatomy_file import load_anatomy
+from track.evaluation.made_up_motions import perform
+from track.evaluation.random_bodies import random_body
+from track.simulation.simulate import simulate_performance
 
 _SEED = 2015
 _FPS = 20.0

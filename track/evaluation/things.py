@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +12,13 @@ from adapt.anatomy import Floats, Ints
 from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest_theta
 from adapt.model.handles import deform, handle_positions
 from capture._open3d import open3d
+from capture.recording import Recording
 from capture.rigid import apply, transform
-from capture.simulation.simulate import RigSensor, box_mesh
+from capture.simulation.rig import RigSensor, SensorRig, box_mesh
+from capture.simulation.sensor import NoiseModel
+from capture.simulation.simulate import simulate_recording
+from track.simulation.performance import Performance
+from track.simulation.simulate import performance_rig, truth_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +64,27 @@ def ball_in_hand(body: Body, *, radius_m: float, gap_m: float) -> Thing:
     mesh = open3d().geometry.TriangleMesh.create_sphere(radius_m, 12)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64)
     return Thing(vertices + place + (gap_m + radius_m) * palm, faces, bone.name)
+
+
+def simulate_with_things(
+    performance: Performance,
+    out: Path,
+    things: Sequence[Thing],
+    *,
+    noise: NoiseModel | None = None,
+    rig: SensorRig | None = None,
+    seed: int = 0,
+) -> Recording:
+    """Record a performance and ``things`` besides, as ``track.simulation.simulate`` records it alone."""
+    body = performance.body
+    return simulate_recording(
+        out,
+        (skin_and_things(body, theta, things) for theta in performance.thetas),
+        faces_with_things(body, things),
+        performance.times.tolist(),
+        rig=performance_rig(performance, seed=seed) if rig is None else rig,
+        noise=noise,
+        seed=seed,
+        truth=truth_of(performance),
+        overwrite=True,
+    )

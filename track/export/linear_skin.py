@@ -131,8 +131,8 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
                 weights[:, bones.index(name)] += share * part
             continue
         t = rides[deformer.bones[1]]
-        still = (_still(ends[0].matrix()), _still(ends[1].matrix()))
-        span, twin = _span(body, deformer, bound, still, share, thetas, steps)
+        fixed = (_still(ends[0].matrix()), _still(ends[1].matrix()))
+        span, twin = _span(body, deformer, bound, fixed, share, thetas, steps)
         helpers = [f"{deformer.name}_{k}_of_{steps}" for k in range(1, steps)]
         if span.swelling is not None:
             helpers += [f"{name}_swelling" for name in helpers]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from capture.commands import as_region, near_option, region_near, region_option
+from capture.commands.region_options import as_region, near_option, region_near, region_option
 from capture.console import stdout
 
 _PATH = click.Path(path_type=Path)

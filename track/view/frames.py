@@ -17,7 +17,7 @@ from adapt.anatomy import Floats
 from adapt.model.body import Body, bone_transforms, joint_centres, pose_skin
 from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError
-from track.evaluation.errors import distance_to_mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.view.scene import Scene
 
 Single = NDArray[np.float32]

@@ -14,7 +14,7 @@ from adapt.model.pose_space import root_coordinates, root_joint
 from capture.errors import BonetrackError
 from capture.rigid import exp_so3, log_so3
 from track.poses_by_hand import UNITS, HandPose, as_shown, from_shown, read_poses, write_poses
-from track.tracker import TrackedFrame
+from track.tracked_frame import TrackedFrame
 
 if TYPE_CHECKING:
     import viser

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Floats, Ints
 from capture._open3d import open3d
-from capture.camera import Camera, project
+from capture.camera import Camera
 from capture.files import replaced_when_complete
 from capture.own import marked_png
+from capture.projection import project
 from capture.rigid import apply, inverse, transform
 
 SKIN, BONE, CLOUD = (0.87, 0.66, 0.55), (0.96, 0.94, 0.86), (0.10, 0.35, 0.75)
@@ -109,10 +110,12 @@ def _splat(
 ) -> None:
     """Draw points as small squares, where no opaque surface is nearer."""
     uv, z = project(camera, apply(inverse(world_from_eye), points))
+    has_pixel = np.isfinite(uv).all(axis=1)
+    uv, z = uv[has_pixel], z[has_pixel]
     for du in (0, 1):
         for dv in (0, 1):
             u, v = np.rint(uv[:, 0]).astype(int) + du, np.rint(uv[:, 1]).astype(int) + dv
-            inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height) & (z > 0)
+            inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
             u, v, near = u[inside], v[inside], z[inside]
             shown = near < front[v, u] + 0.003
             image[v[shown], u[shown]] = colour

@@ -14,7 +14,7 @@ from track.view.scene import Scene, joint_coordinates, runs
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-    from track.evaluation.errors import Evaluation
+    from track.accuracy.errors import Evaluation
 
 BLUE, TRUTH, LOST = "#1f5fa8", "#00795a", "#c0392b"
 _ROW_PX, _FONT = 170, "system-ui, sans-serif"

@@ -18,8 +18,8 @@ from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from capture.recording import Instant, Recording, instants, open_recording
 from capture.rigid import inverse
+from track.accuracy.truth import read_truth, world_from_common
 from track.belonging import refuse_other_recording, refuse_other_subject
-from track.evaluation.errors import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
 from track.shown import known_thetas
 

@@ -16,7 +16,8 @@ from adapt.anatomy import Floats
 from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from track.fit_from_hand import fit_from_hand
-from track.tracker import TrackedFrame, Tracker, make_tracker
+from track.tracked_frame import TrackedFrame
+from track.tracker import Tracker, make_tracker
 from track.view.angle_charts import LEGEND, AngleCharts
 from track.view.frames import FrameContent, FrameStore, SeenPoints, Single, distances, pose_body, truth_of
 from track.view.guard import guarded

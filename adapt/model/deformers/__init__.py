@@ -15,6 +15,8 @@ from adapt.model.deformers.halfway import Halfway
 from adapt.model.deformers.rigid import Rigid
 from adapt.model.variation import Motion, Points
 
+__all__ = ["DEFORMER_TYPES", "Bound", "DeformerType", "bind", "bone_shares", "carry", "deformer_problem"]
+
 _TYPES: tuple[DeformerType, ...] = (
     Rigid(),
     Forearm(),

@@ -152,7 +152,7 @@ def _y_axis(frame: Motion) -> tuple[Floats, Floats]:
     return axis, hat(-axis) @ frame.d_rotation
 
 
-def _turned(bound: BoundBend, motions: tuple[Motion, Motion]) -> Points:
+def _turned(bound: BoundBend, motions: tuple[Motion, ...]) -> Points:
     """Points (N, 3) turned about the joint's centre, each by its own share of the turn."""
     at_centre = Motion(np.eye(3), bound.centre.value[0], np.zeros_like(bound.centre.d[0]), bound.centre.d[0])
     first, second = (compose(motion, at_centre) for motion in motions)

@@ -1,4 +1,8 @@
-"""Skin that rides on moved bones (adapt.model.deformers), vertex by vertex, with its derivatives if asked."""
+"""Skin that rides on moved bones, vertex by vertex, with its derivatives if asked: the code that runs.
+
+The equations stand where the types of deformers are, and a type's ``layout`` says which of the loops here runs them:
+TURNING is the forearm's (adapt.model.deformers.forearm), BENDING the bend's (adapt.model.deformers.bend).
+"""
 
 from __future__ import annotations
 

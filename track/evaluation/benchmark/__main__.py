@@ -14,6 +14,7 @@ from capture.console import stdout
 from capture.errors import BonetrackError
 from track.evaluation.benchmark.adapting import adaptation_timings, automatic_timing
 from track.evaluation.benchmark.growth import Curve, growth, slope
+from track.evaluation.benchmark.lenses import LENS_HEADER, LENS_ROUNDS, lens_row, lens_timings
 from track.evaluation.benchmark.others import Comparison, beside_nonrigid_icp, beside_opensim
 from track.evaluation.benchmark.page import Results, write_page
 from track.evaluation.benchmark.processes import Process, whole_commands
@@ -61,7 +62,8 @@ def measure(
     load, recording = os.getloadavg()[0], opened(path)
     who = simulated_subject(recording) if subject is None else load_subject(subject)
     progress("timing a frame")
-    frame, loop = frame_timings(prepare(recording, who, repeat=repeat)), loop_timing(recording, who)
+    bench = prepare(recording, who, repeat=repeat)
+    frame, lenses, loop = frame_timings(bench), lens_timings(bench), loop_timing(recording, who)
     progress("timing the adaptation")
     adaptation = adaptation_timings(recording, who, repeat=repeat)
     if automatic:
@@ -78,13 +80,17 @@ def measure(
         progress("timing whole commands")
         processes = whole_commands(recording, who.anatomy.name, repeat=repeat)
     compared = [comparison for comparison in others if comparison is not None]
-    return Results(path.name, repeat, frame, loop, adaptation, compared, curves, processes, load)
+    return Results(path.name, repeat, frame, lenses, loop, adaptation, compared, curves, processes, load)
 
 
 def tables(results: Results) -> list[Table]:
     """What was measured, for the terminal."""
     timings = [*results.frame, results.loop, *results.adaptation]
     shown = [timing_table(timings, f"{results.name}: median of {results.repeat} (automatic adaptation: once)")]
+    lenses = Table(*LENS_HEADER, title=f"lenses with distortion: median of {LENS_ROUNDS}")
+    for timing in results.lenses:
+        lenses.add_row(*lens_row(timing))
+    shown.append(lenses)
     if results.others:
         other = Table("work", "takes", "ours", title="beside other programs")
         for row in results.others:

@@ -20,10 +20,10 @@ from adapt.model.body import make_body
 from adapt.subject import Subject
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import Calibration, Recording, SensorCalibration, instants
+from track.accuracy.truth import read_truth
 from track.evaluation.benchmark.timing import Timing
-from track.evaluation.errors import read_truth
-from track.evaluation.performance import motion_names, perform
-from track.evaluation.simulate import performance_rig, simulate_performance
+from track.evaluation.made_up_motions import motion_names, perform
+from track.simulation.simulate import performance_rig, simulate_performance
 from track.tracker import Tracker, make_tracker
 
 SENSORS = (1, 2, 4)

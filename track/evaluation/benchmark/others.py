@@ -22,8 +22,8 @@ from adapt.model.surface import incidence, vertex_normals
 from adapt.subject import Subject
 from capture.cloud.fuse import fuse
 from capture.recording import Recording, instants
+from track.accuracy.truth import read_truth
 from track.evaluation.benchmark.timing import Timing, timed
-from track.evaluation.errors import read_truth
 from track.evaluation.markers import marker_set, marker_trial, markers_at_rest
 from track.evaluation.opensim_tools import solve_kinematics
 from track.export.osim import write_osim

@@ -12,6 +12,7 @@ from pathlib import Path
 from capture.own import page_of, replaced_if_own
 from track.evaluation.benchmark.adapting import ADAPTATION_TARGET_S
 from track.evaluation.benchmark.growth import Curve, slope
+from track.evaluation.benchmark.lenses import LENS_HEADER, LENS_ROUNDS, LENS_TARGET, LensTiming, lens_row
 from track.evaluation.benchmark.others import Comparison
 from track.evaluation.benchmark.processes import Process
 from track.evaluation.benchmark.stages import FIRST, FIRST_DEMO_S, FRAME_TARGET_S
@@ -31,6 +32,7 @@ class Results:
     name: str
     repeat: int
     frame: Sequence[Timing]
+    lenses: Sequence[LensTiming]
     loop: Timing
     adaptation: Sequence[Timing]
     others: Sequence[Comparison]
@@ -52,8 +54,8 @@ def write_page(results: Results, path: Path) -> None:
 
 def page(results: Results) -> str:
     """The page as Markdown."""
-    parts = [_conditions(results), _frame(results), _adaptation(results), _others(results), _growth(results)]
-    return "\n\n".join(part for part in [*parts, _processes(results)] if part) + "\n"
+    parts = [_conditions, _frame, _lenses, _adaptation, _others, _growth, _processes]
+    return "\n\n".join(text for part in parts if (text := part(results))) + "\n"
 
 
 def _conditions(results: Results) -> str:
@@ -110,6 +112,19 @@ def _where_it_goes(frame: Sequence[Timing]) -> str:
 
 def _of(frame: Sequence[Timing], begins: str) -> float:
     return next(timing.median_s for timing in frame if timing.stage.startswith(begins))
+
+
+def _lenses(results: Results) -> str:
+    if not results.lenses:
+        return ""
+    return f"""## A lens with distortion
+
+The frame above, its depth images as lenses with distortion show them: with the 8 coefficients of an Azure Kinect, and
+with all 14 of OpenCV's model, the sensor tilted behind the lens. Processor's time, each in turn with the pinhole;
+medians of {LENS_ROUNDS} rounds. In brackets stands how many times as long as with the pinhole it takes: at most
+{LENS_TARGET} times is the target.
+
+{_table(LENS_HEADER, [lens_row(timing) for timing in results.lenses])}"""
 
 
 def _adaptation(results: Results) -> str:

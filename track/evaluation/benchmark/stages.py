@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.spatial import cKDTree
 
-from adapt.fit.correspondences import Target, find_corres, pixel_of
+from adapt.fit.correspondences import Target, find_corres
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.nearest import PointGrid
@@ -24,6 +24,7 @@ from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.recording import DEFAULT_POSES
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import find_skin
+from adapt.fit.visibility import pixel_of
 from adapt.model.body import pose_skin, pose_skin_varying
 from adapt.model.pose_space import moved_rigidly
 from adapt.model.skin_of_blocks import skin_of_blocks
@@ -37,16 +38,17 @@ from capture.cloud.preprocess import clean_depth
 from capture.errors import FitError
 from capture.recording import Instant, Recording, instants, open_recording, read_depth
 from capture.rigid import exp_so3, inverse
+from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.benchmark.timing import Timing, timed
-from track.evaluation.errors import read_truth, world_from_common
 from track.prediction import predict
 from track.run import track_recording
-from track.tracker import TrackedFrame, Tracker, TrackerState, make_tracker
+from track.tracked_frame import TrackedFrame, TrackerState
+from track.tracker import Tracker, make_tracker
 from track.uncertainty import pose_covariance
 
 FRAME_TARGET_S = 0.033
 
-_PLACEMENTS = 200
+PLACEMENTS = 200
 
 FIRST = "the first version (November 2026, an idle two-core machine, one thread)"
 FIRST_FUSE_S, FIRST_FRAME_S, FIRST_DEMO_S = 0.027, 0.067, 65.0
@@ -151,20 +153,24 @@ def frame_timings(bench: Bench) -> list[Timing]:
     ]
 
 
-def placements_timing(bench: Bench) -> Timing:
-    """The coarse half of the first search: the skin in this pose, turned in some ways about where it stands."""
+def some_placements(bench: Bench) -> Placements:
+    """What the first search tries: the skin in this pose, turned in some ways about where it stands."""
     tracker, rng = bench.tracker, np.random.default_rng(0)
     sample = sample_skin(tracker.subject.anatomy, at_most=100)
     skin = pose_skin(tracker.subject.body, bench.frame.theta)
     points, middle = skin[sample.vertices], skin[sample.vertices].mean(axis=0)
-    turned = np.array([exp_so3(vector).T for vector in rng.normal(0.0, 1.0, (_PLACEMENTS, 3))])
+    turned = np.array([exp_so3(vector).T for vector in rng.normal(0.0, 1.0, (PLACEMENTS, 3))])
     weights = sample.observations[sample.vertices]
     normals = sample.normals(skin)[sample.vertices] @ turned
-    facing = np.tile(weights, (_PLACEMENTS, 1))
-    placed = Placements((points - middle) @ turned + middle, normals, facing, weights)
-    scene = Scene(bench.target.cloud)
+    facing = np.tile(weights, (PLACEMENTS, 1))
+    return Placements((points - middle) @ turned + middle, normals, facing, weights)
+
+
+def placements_timing(bench: Bench) -> Timing:
+    """The coarse half of the first search."""
+    placed, scene = some_placements(bench), Scene(bench.target.cloud)
     return bench.time(
-        f"the search's {_PLACEMENTS} placements of 100 vertices",
+        f"the search's {PLACEMENTS} placements of 100 vertices",
         lambda: costs(scene, placed),
         twin=lambda: costs_by_arrays(scene, placed),
     )

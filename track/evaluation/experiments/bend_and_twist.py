@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from capture.simulation.sensor import NoiseModel
-from track.evaluation.errors import Evaluation, evaluate_motion, read_truth, world_from_common
+from track.accuracy.errors import Evaluation, evaluate_motion
+from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, record_known
-from track.evaluation.performance import perform, random_body
+from track.evaluation.made_up_motions import perform
+from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import reconstruction_of_poses
 from track.run import track_recording
 from track.shown import known_thetas

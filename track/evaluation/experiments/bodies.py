@@ -8,20 +8,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
-from adapt.build.meshes import Mesh
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import pose_skin, posed_bones
 from adapt.subject import Subject, load_subject, save_subject
+from adapt.template_builder.meshes import Mesh
 from capture.errors import BonetrackError
 from capture.recording import Recording
 from capture.rigid import apply
-from track.evaluation.errors import distance_to_mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
-from track.evaluation.experiments.real_person import AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_LENGTH_PERCENT, missed_aims
+from track.evaluation.experiments.real_person_page import AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_LENGTH_PERCENT, missed_aims
 from track.evaluation.known import record_meshes
-from track.evaluation.performance import FPS
+from track.evaluation.made_up_motions import FPS
 from track.evaluation.rigged_limbs import LIMBS, Limb, Motions, definition, limb_plan, moving_limb
 from track.evaluation.rigged_people import Build
 from track.evaluation.swing import times_and_phase

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Deformer, Floats, Ints, load_anatomy
+from adapt.anatomy import Deformer, Floats, Ints
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
 from capture._open3d import open3d
 from track.evaluation.bones import depth_inside

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.bones import heads, similarity_residual
 from track.evaluation.experiments.drawing import colour_bar, coloured_layers, new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary

@@ -7,17 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import make_body, rest_theta
 from adapt.model.pose_space import is_free
 from adapt.subject import Subject
-from track.evaluation.errors import evaluate_motion
+from track.accuracy.errors import evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, KnownRecording, centre_errors, record_known
-from track.evaluation.performance import Performance, joined, perform, random_body
+from track.evaluation.made_up_motions import joined, perform
+from track.evaluation.random_bodies import random_body
 from track.run import track_recording
+from track.simulation.performance import Performance
 
 ANATOMY = "upper-limb-right"
 MOTIONS = ("bend", "bend-and-twist")

@@ -11,11 +11,12 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import Anatomy, Bone, load_anatomy
-from adapt.build.meshes import Mesh
+from adapt.anatomy import Anatomy, Bone
+from adapt.anatomy_file import load_anatomy
 from adapt.model.handles import d_deform_d_shape, deform, handle_positions
 from adapt.model.surface import submesh
-from track.evaluation.errors import distance_to_mesh
+from adapt.template_builder.meshes import Mesh
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.surface_fit import (
     Family,

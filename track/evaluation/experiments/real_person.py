@@ -6,9 +6,6 @@ superficial bones lie 10 to 20 mm too deep; so what counts is what does not depe
 
 from __future__ import annotations
 
-import json
-import shutil
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -20,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
-from adapt.build.meshes import Mesh, largest_part
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
@@ -29,101 +26,24 @@ from adapt.fit.sample import sample_skin
 from adapt.fit.start import find_pose
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.shape.handle_space import affine_set
+from adapt.template_builder.meshes import Mesh, largest_part
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import instants
 from capture.rigid import apply, inverse, transform
+from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation import known
-from track.evaluation.errors import distance_to_mesh
-from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
-from track.evaluation.experiments.surface_fit import fit_family, greatest_length, read_mesh, rigid
-from track.evaluation.holes import closed
+from track.evaluation.experiments.experiment import Experiment, Result
+from track.evaluation.experiments.real_limbs import LIMBS, START_DEG, START_M, STARTS, Limb, RealLimb, read_limb
+from track.evaluation.experiments.real_person_page import describe, losses
+from track.evaluation.experiments.surface_fit import fit_family, greatest_length, rigid
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 NAME, TITLE = "real-person", "A real man's limbs, one pose"
-AIM_LENGTH_PERCENT, AIM_AXIS_DEG, AIM_CENTRE_MM, AIM_DEPTH_FREE_MM = 3.0, 3.0, 8.0, 5.0
 SEEDS = (1, 2, 3)
-STARTS = ("start given", "start found")
 _LEAST_SIZE = 0.7  # of a template scaled to him by hand
-_START_DEG, _START_M = 6.0, 0.015  # how far off a given first pose is
-FOLDER = "bodyparts3d"
-WORLD_FROM_HIM = transform(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]), np.zeros(3))
-"""His axes are left, back, up; the world's are forward, up, right."""
 _FITTED = 0.5  # a vertex of the skin that counts by more than this in fitting is one of the limb proper
 _SHAFT = 0.6  # the middle share of a long bone's length
 _HIS = (0.30, 0.62, 0.55)
-CREDIT = (
-    "BodyParts3D, (c) The Database Center for Life Science licensed under CC Attribution-Share Alike 2.1 Japan; "
-    "Z-Anatomy, CC BY-SA 4.0 - https://github.com/Z-Anatomy/Models-of-human-anatomy. This picture: CC BY-SA 4.0."
-)
-
-
-@dataclass(frozen=True)
-class Limb:
-    """What is compared: joint centres as means of (our bone, our landmark) and of his landmarks; long bones."""
-
-    anatomy: str
-    folder: str
-    centres: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]]
-    bones: tuple[str, ...]
-    others: dict[tuple[str, str], str]  # more landmarks, ours and his, by which a person would set the first pose
-
-
-LIMBS = {
-    "arm": Limb(
-        "upper-limb-right",
-        "arm_r",
-        {
-            "shoulder": ((("humerus", "GH"),), ("humeral_head_centre",)),
-            "elbow": ((("humerus", "EM"), ("humerus", "EL")), ("medial_epicondyle", "lateral_epicondyle")),
-            "wrist": ((("ulna", "US"), ("radius", "RS")), ("ulnar_styloid", "radial_styloid")),
-        },
-        ("humerus", "ulna", "radius"),
-        {("hand", "MC2_head"): "second_metacarpal_head", ("hand", "MC5_head"): "fifth_metacarpal_head"},
-    ),
-    "leg": Limb(
-        "lower-limb-right",
-        "leg_r",
-        {
-            "hip": ((("femur", "HJC"),), ("femoral_head_centre",)),
-            "knee": ((("femur", "FME"), ("femur", "FLE")), ("medial_femoral_epicondyle", "lateral_femoral_epicondyle")),
-            "ankle": ((("tibia", "MM"), ("tibia", "LM")), ("medial_malleolus_tip", "lateral_malleolus_tip")),
-        },
-        ("femur", "tibia"),
-        {
-            ("pelvis", "ASIS"): "ASIS",
-            ("foot", "heel"): "heel_posterior_calcaneus",
-            ("foot", "MT2_head"): "second_metatarsal_head",
-        },
-    ),
-}
-
-
-@dataclass(frozen=True, eq=False)
-class RealLimb:
-    """His skin, long bones, joint centres and landmarks, in the world (metres)."""
-
-    skin: Mesh
-    bones: dict[str, Mesh]
-    centres: dict[str, Floats]
-    landmarks: dict[str, Floats] = field(repr=False)
-
-
-def read_limb(limb: Limb, data: Path) -> RealLimb:
-    """His limb. The skin's cut is closed by flat pieces, which sensors then see where his trunk would be."""
-    folder = data / FOLDER / limb.folder
-    text = (folder / "landmarks.json").read_text(encoding="utf-8")
-    points = {name: apply(WORLD_FROM_HIM, np.array([at]))[0] for name, at in json.loads(text)["landmarks"].items()}
-    return RealLimb(
-        closed(in_world(read_mesh(folder / "skin.ply"))),
-        {name: in_world(read_mesh(folder / "bones" / f"{name}.ply")) for name in limb.bones},
-        {joint: np.mean([points[name] for name in his], axis=0) for joint, (_, his) in limb.centres.items()},
-        points,
-    )
-
-
-def in_world(mesh: Mesh) -> Mesh:
-    """A surface of his in the world's axes."""
-    return Mesh(apply(WORLD_FROM_HIM, mesh.vertices), mesh.faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +112,7 @@ def _sized(anatomy: Anatomy, scale: float) -> Body:
 
 def _off(theta: Floats, body: Body, rng: np.random.Generator) -> Floats:
     """The pose as a hand would set it: every coordinate off by up to a few degrees, or centimetres."""
-    scale = [_START_M if c.unit == "m" else np.deg2rad(_START_DEG) for c in body.anatomy.coordinates]
+    scale = [START_M if c.unit == "m" else np.deg2rad(START_DEG) for c in body.anatomy.coordinates]
     return np.asarray(theta + rng.uniform(-1.0, 1.0, len(scale)) * scale)
 
 
@@ -275,107 +195,6 @@ def picture(him: RealLimb, ours: Posed) -> NDArray[np.uint8]:
         layers += [Layer(bone.vertices, bone.faces, BONE, 0.8) for bone in ours.bones.values()]
         panels.append(render(layers, eye, camera))
     return np.concatenate(panels, axis=1)
-
-
-def describe(results: Mapping[str, Result], images: Path) -> str:
-    """A table and a picture for each limb."""
-    parts = []
-    for name in LIMBS:
-        of_limb = {case: result for case, result in results.items() if case.split()[0] == name}
-        if of_limb:
-            parts.append(f"### {name.capitalize()}\n\n{_table(of_limb)}\n{_figure(name, of_limb, images)}")
-    return f"""One man (n = 1: one person, one pose; he stands with a hanging arm and a straight knee): his skin, bones
-and landmarks from BodyParts3D. Two Carmine sensors in front of him see his skin for one instant; part of his chest, or
-of his hip, belongs to the surface, and flat pieces close its cut. Our template is adapted to that single instant, once
-from a size and pose as a hand would give them (the template's landmarks laid on his, the pose then off by up to
-{_START_DEG:g} degrees and {100 * _START_M:g} cm), once from a pose found by search.
-
-His superficial bones lie 10 to 20 mm too deep (his kneecap's front lies 26 mm under his skin), so an error forward or
-backward there is as much his as ours: "without depth" leaves that direction out. Landmarks of his bones are good to 2
-or 3 mm. Bone surfaces are compared where they lie and after the rigid move that fits best. Aims: lengths within
-{AIM_LENGTH_PERCENT:g} %, shafts within {AIM_AXIS_DEG:g} degrees, joint centres within {AIM_CENTRE_MM:g} mm, without
-depth {AIM_DEPTH_FREE_MM:g} mm; **bold** where the mean misses them. Numbers are mean ± SD (maximum) over seeds of noise
-and of the given pose's error; surfaces and skin are mean / 95 % / maximum.
-
-{chr(10).join(parts)}
-"""
-
-
-def _table(results: Mapping[str, Result]) -> str:
-    scores = [result["ways"] for result in results.values()]
-    ways = list(scores[0])
-    rows = [[f"error ({', '.join(case.split(maxsplit=1)[1] for case in results)})", *ways]]
-    measured = {way: [_measures(score[way]) for score in scores] for way in ways}
-    for title, (_, aim) in measured[ways[0]][0].items():
-        values = [np.array([measures[title][0] for measures in measured[way]]) for way in ways]
-        rows.append([title, *(_marked(summary(all_of, digits=1), missed=all_of.mean() > aim) for all_of in values)])
-    rows.append(["our skin to his (mm)", *(_joined([score[way]["skin_mm"] for score in scores]) for way in ways)])
-    for name, kinds in scores[0][ways[0]]["surfaces"].items():
-        for kind in kinds:
-            cells = [_joined([score[way]["surfaces"][name][kind] for score in scores]) for way in ways]
-            rows.append([f"surface of the {name}, {kind} (mm)", *cells])
-    return markdown_table(rows)
-
-
-def losses(results: Mapping[str, Result]) -> list[str]:
-    """The aims that the mean over seeds misses, limb by limb, and by how much."""
-    lines = []
-    for name in LIMBS:
-        scores = [result["ways"] for case, result in results.items() if case.split()[0] == name]
-        for way in (f"adapted, {start}" for start in STARTS if scores):
-            missed = missed_aims([_measures(score[way]) for score in scores])
-            lines += [f"{name}, {way}: {missed}"] if missed else []
-    return lines
-
-
-def missed_aims(measured: Sequence[Mapping[str, tuple[float, float]]]) -> str:
-    """In words, which means over several measurements of (value, aim) by title are beyond the aim."""
-    means = {title: (float(np.mean([m[title][0] for m in measured])), aim) for title, (_, aim) in measured[0].items()}
-    return ", ".join(f"{title} {mean:.1f} (aim {aim:g})" for title, (mean, aim) in means.items() if mean > aim)
-
-
-def _joined(rows: list[list[float]]) -> str:
-    return " / ".join(f"{value:.1f}" for value in np.mean(rows, axis=0))
-
-
-def _measures(score: Result) -> dict[str, tuple[float, float]]:
-    """What was measured, and the aim for it, by title."""
-    measures: dict[str, tuple[float, float]] = {}
-    for joint, offset in score["centres_mm"].items():
-        measures[f"{joint} centre (mm)"] = _size(offset), AIM_CENTRE_MM
-        measures[f"{joint} centre without depth (mm)"] = _size(offset[1:]), AIM_DEPTH_FREE_MM
-    for name, lengths in score["distances_m"].items():
-        measures[f"{name} (%)"] = _percent(*lengths), AIM_LENGTH_PERCENT
-    for name, lengths in score["lengths_m"].items():
-        measures[f"length of the {name} (%)"] = _percent(*lengths), AIM_LENGTH_PERCENT
-        measures[f"shaft of the {name} (deg)"] = score["axes_deg"][name], AIM_AXIS_DEG
-    return measures
-
-
-def _size(offset: Sequence[float]) -> float:
-    return float(np.linalg.norm(offset))
-
-
-def _percent(ours: float, his: float) -> float:
-    return 100.0 * abs(ours / his - 1.0)
-
-
-def _marked(cell: str, *, missed: bool | np.bool_) -> str:
-    return f"**{cell}**" if missed else cell
-
-
-def _figure(name: str, results: Mapping[str, Result], images: Path) -> str:
-    drawn = Path(next(iter(results.values()))["picture"])
-    if not drawn.is_file():
-        return ""
-    images.mkdir(parents=True, exist_ok=True)
-    shutil.copy(drawn, images / f"real-{name}.png")
-    return f"""
-![His bones and ours inside his skin](images/real-{name}.png)
-
-His bones (green) and ours (bone) inside his skin, adapted from the given start; from the front, from the right.
-{CREDIT}
-"""
 
 
 def experiment(data: Path) -> Experiment:

@@ -8,22 +8,24 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.fit.recording import adapt_recording
 from adapt.model.body import joint_centres
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import BonetrackError
 from capture.recording import Calibration, Recording
-from capture.simulation.simulate import SensorRig
-from track.evaluation.errors import evaluate_motion
+from capture.simulation.rig import SensorRig
+from track.accuracy.errors import evaluate_motion
 from track.evaluation.experiments.bend_and_twist import errors_by_kind
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, KnownRecording, record_known
-from track.evaluation.performance import Performance, perform, random_body
-from track.evaluation.simulate import performance_rig
+from track.evaluation.made_up_motions import perform
+from track.evaluation.random_bodies import random_body
 from track.evaluation.things import Thing, ball_in_hand, board
 from track.run import track_recording
+from track.simulation.performance import Performance
+from track.simulation.simulate import performance_rig
 
 _SECONDS = 2.0
 _BEFORE_M, _BOARD_M = 0.3, 0.20  # the board stands so far before the joint, towards the first sensor

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, load_anatomy
+from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.known import CARMINE, KnownRecording, record_known
-from track.evaluation.performance import FPS, Performance, perform, random_body
+from track.evaluation.made_up_motions import FPS, perform
+from track.evaluation.random_bodies import random_body
+from track.simulation.performance import Performance
 
 _STEP = 10  # frames of the motion between one still and the next
 

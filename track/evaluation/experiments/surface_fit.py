@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.distance import pdist
 
 from adapt.anatomy import Floats, Ints
-from adapt.build.meshes import Mesh
+from adapt.template_builder.meshes import Mesh
 from capture._open3d import open3d
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, hat

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table
-from track.evaluation.opensim_ik import ACCURACIES, OURS, compare_subject, comparison_rows, motion_rows
+from track.evaluation.opensim_ik import ACCURACIES, compare_subject
+from track.evaluation.opensim_ik_tables import OURS, comparison_rows, motion_rows
 
 NAME, TITLE = "table-1-opensim", "Table 1: beside OpenSim's inverse kinematics"
 LIMBS = {"arm": "upper-limb-right", "leg": "lower-limb-right"}

@@ -17,7 +17,8 @@ from adapt.model.pose_space import joint_coordinates
 from adapt.subject import load_subject
 from capture.recording import open_recording
 from capture.recording.types import HEADER_FILE
-from track.evaluation.errors import Truth, evaluate_motion
+from track.accuracy.errors import evaluate_motion
+from track.accuracy.truth import Truth
 from track.evaluation.trials.command import Told, bonetrack
 from track.evaluation.trials.recorded import Made
 from track.evaluation.trials.situation import Outcome, Verdict

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.build.meshes import Mesh, compacted
 from adapt.mirror import mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.surface import incidence, vertex_normals
+from adapt.template_builder.meshes import Mesh, compacted
 from track.evaluation.holes import closed
-from track.evaluation.performance import Performance
 from track.evaluation.trials.recorded import Made, performance_of, record
+from track.simulation.performance import Performance
 
 ARM, LEG = "upper-limb-right", "lower-limb-right"
 _SLEEVE_M, _FOLDS_M = 0.010, 0.004  # thickness, and how far its folds go up and down

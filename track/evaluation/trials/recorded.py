@@ -8,15 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, Ints, load_anatomy
+from adapt.anatomy import Floats, Ints
+from adapt.anatomy_file import load_anatomy
 from adapt.model.body import Body, pose_skin
 from adapt.model.size import resized
 from capture.recording import open_recording
-from capture.simulation.simulate import SensorRig, simulate_recording
-from track.evaluation.errors import Truth, read_truth
-from track.evaluation.performance import Performance, perform, random_body
-from track.evaluation.simulate import performance_rig
+from capture.simulation.rig import SensorRig
+from capture.simulation.simulate import simulate_recording
+from track.accuracy.truth import Truth, read_truth
+from track.evaluation.made_up_motions import perform
+from track.evaluation.random_bodies import random_body
 from track.motion import coordinate_names
+from track.simulation.performance import Performance
+from track.simulation.simulate import performance_rig
 
 INSTANTS = 20
 _SPEEDS = {1: 40, 2: 20}  # instants of a whole motion; at the first, a forearm turns by at most 19 degrees between two

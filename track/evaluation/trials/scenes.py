@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.anatomy import Floats, load_anatomy
+from adapt.anatomy import Floats
+from adapt.anatomy_file import load_anatomy
 from adapt.mirror import mirrored_name
 from adapt.model.body import joint_centres, pose_skin
 from capture.rigid import exp_so3
-from capture.simulation.simulate import Ints, box_mesh, default_rig
-from track.evaluation.experiments.faults import person
-from track.evaluation.performance import Performance
+from capture.simulation.rig import Ints, box_mesh, default_rig
+from track.evaluation.experiments.faulty_recordings import person
 from track.evaluation.trials.people import ARM, LEG
 from track.evaluation.trials.recorded import Around, Made, performance_of, record, still
+from track.simulation.performance import Performance
 
 _FURNITURE = {  # middle relative to the limb's (m; +x towards the sensors, +y up), sides (m)
     "floor": ((0.0, -0.95, 0.0), (6.0, 0.02, 6.0)),

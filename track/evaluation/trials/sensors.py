@@ -11,9 +11,9 @@ import numpy as np
 
 from capture.recording import open_recording
 from capture.recording.depth_png import Readings, read_readings, write_readings
-from track.evaluation.simulate import performance_rig
 from track.evaluation.trials.people import ARM, sound
 from track.evaluation.trials.recorded import Made, performance_of, record
+from track.simulation.simulate import performance_rig
 
 _NONE = 2047  # a Kinect's raw reading where it measured nothing
 

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.anatomy import load_anatomy
+from adapt.anatomy_file import load_anatomy
 from capture.recording import open_recording
 from capture.recording.types import FRAMES_FILE
-from track.evaluation.simulate import performance_rig
 from track.evaluation.trials.command import bonetrack
 from track.evaluation.trials.fit import judged, refused
 from track.evaluation.trials.people import ARM, sound
 from track.evaluation.trials.recorded import Made, performance_of, record
 from track.evaluation.trials.situation import Outcome, Situation
+from track.simulation.simulate import performance_rig
 
 Times = list[float]
 

@@ -1,0 +1,1 @@
+"""Performances of a subject as depth sensors would have recorded them, with their truth."""

@@ -1,0 +1,69 @@
+"""Command: simulate a performance with its truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from capture.console import stdout
+
+if TYPE_CHECKING:
+    from track.simulation.performance import Performance
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command("simulate")
+@click.option("--mesh", type=_PATH, help="A moving mesh (.npz: vertices (T, V, 3) m, faces (F, 3), fps).")
+@click.option("--anatomy", help="The limb, as for `bonetrack adapt`: a name or a file; goes with --motion.")
+@click.option("--motion", type=_PATH, help="CSV: time (s) and coordinates (rad, m) by name; NAME_deg is in degrees.")
+@click.option("--subject", type=_PATH, help="Who moves; the template itself if not given.")
+@click.option("--noise", type=click.Choice(["carmine", "none"]), default="carmine", show_default=True)
+@click.option("--seed", default=0, show_default=True)
+@click.option("--out", required=True, type=_PATH, help="The recording to make.")
+@click.option("--overwrite", is_flag=True, help="Replace a recording that stands there.")
+def simulate_command(
+    mesh: Path | None,
+    anatomy: str | None,
+    motion: Path | None,
+    subject: Path | None,
+    noise: str,
+    seed: int,
+    out: Path,
+    overwrite: bool,
+) -> None:
+    """Make the recording that two depth sensors would have made of a moving mesh or subject."""
+    from capture.simulation.mesh_file import simulate_mesh_file
+    from capture.simulation.sensor import NoiseModel, carmine
+
+    if (mesh is None) == (anatomy is None) or (anatomy is None) != (motion is None):
+        raise click.UsageError("give either --mesh, or --anatomy with --motion")
+    model = carmine() if noise == "carmine" else NoiseModel()
+    with stdout.status("simulating") as status:
+
+        def progress(done: int) -> None:
+            status.update(f"simulating: {done} frames done")
+
+        if mesh is not None:
+            recording = simulate_mesh_file(mesh, out, noise=model, seed=seed, overwrite=overwrite, progress=progress)
+        else:
+            from track.simulation.simulate import simulate_performance
+
+            performance = _performance(str(anatomy), motion or Path(), subject)
+            recording = simulate_performance(
+                performance, out, noise=model, seed=seed, overwrite=overwrite, progress=progress
+            )
+    frames = len(recording.sensors[0].frames)
+    stdout.print(f"{frames} frames by {len(recording.sensors)} sensors written to {out}")
+
+
+def _performance(anatomy: str, motion: Path, subject: Path | None) -> Performance:
+    from adapt.anatomy_file import load_anatomy
+    from adapt.model.body import make_body
+    from adapt.subject import load_subject
+    from track.simulation.motion_table import read_motion_table
+
+    body = load_subject(subject, anatomy=anatomy).body if subject else make_body(load_anatomy(anatomy))
+    return read_motion_table(motion, body)
