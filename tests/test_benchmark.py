@@ -85,14 +85,6 @@ def test_the_exponent_tells_linear_growth_from_none() -> None:
     assert slope(Curve("", (10, 20, 80), (3.0, 9.0, 3.0))) == pytest.approx(0.0)
 
 
-def test_a_step_of_algorithm_2_is_timed_beside_plain_numpy(limb: KnownLimb) -> None:
-    skin, equations = evaluation_timings(limb.subject, limb.targets[::4], repeat=2)
-    assert skin.twin is not None
-    assert len(skin.processor) == len(skin.twin) == len(equations.processor) == 2
-    assert "10 coordinates, 16 of shape and the tissue" in skin.stage
-    assert "196 unknowns in 3 poses" in equations.stage
-
-
 def test_through_a_lens_the_same_surface_is_seen_on_other_pixels() -> None:
     """A board 1 m before a sensor that has a hole: the hole moves inwards with the lens, and stands on the same ray."""
     camera = Camera(80, 60, 70.0, 72.0, 39.0, 31.0)
@@ -105,6 +97,14 @@ def test_through_a_lens_the_same_surface_is_seen_on_other_pixels() -> None:
     assert column < 72
     assert view.depth[row, column] == 0.0
     assert view.depth[hole] == 1.0
+
+
+def test_a_step_of_algorithm_2_is_timed_beside_plain_numpy(limb: KnownLimb) -> None:
+    skin, equations = evaluation_timings(limb.subject, limb.targets[::4], repeat=2)
+    assert skin.twin is not None
+    assert len(skin.processor) == len(skin.twin) == len(equations.processor) == 2
+    assert "10 coordinates, 16 of shape and the tissue" in skin.stage
+    assert "196 unknowns in 3 poses" in equations.stage
 
 
 def toy_subject() -> tuple[Subject, Floats]:

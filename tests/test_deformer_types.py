@@ -20,12 +20,12 @@ from adapt.model.deformers import DEFORMER_TYPES, bind, bone_shares, carry
 from adapt.model.joints import JOINT_TYPES
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import joint_index
-from adapt.model.skin_of_blocks import skin_of_blocks, skin_of_blocks_by_shape
 from adapt.model.variation import Points, constant_points, still_points
 from capture.errors import AnatomyError
 from tests.finite_differences import check_jacobian
 from tests.test_model import seeded
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.skin_of_blocks import skin_of_blocks, skin_of_blocks_by_shape
 from track.export.linear_skin import linear_skin, skin_gap
 
 ULNA = Frame(("inner", "outer"), ("styloid",), ("inner", "outer"), ("inner",), ("outer",))

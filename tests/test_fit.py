@@ -23,7 +23,6 @@ from adapt.fit.visibility import visible_vertices
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.shape.prior import SIZE_SIGMA, shape_precision
-from adapt.model.skin_of_blocks import skin_of_blocks_by_shape
 from adapt.model.surface import incidence, vertex_areas, vertex_normals
 from adapt.model.variation import Points
 from adapt.tissue import tissue_deviation, tissue_field
@@ -33,6 +32,7 @@ from capture.rigid import exp_so3, log_so3
 from tests.finite_differences import check_jacobian
 from tests.known_limb import bent, empty_view, exact_target
 from track.evaluation.random_bodies import random_body
+from track.evaluation.skin_of_blocks import skin_of_blocks_by_shape
 
 POSES = ((15.0, 0.0), (60.0, 50.0), (95.0, -50.0), (125.0, 10.0))
 

@@ -15,7 +15,6 @@ from adapt.fit.sample import sample_skin
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta, shaped_skin
 from adapt.model.shape.handle_space import affine_set
-from adapt.model.skin_of_blocks import skin_of_blocks_by_shape, skin_of_blocks_by_v_hat
 from adapt.model.surface import incidence, vertex_normals
 from capture.camera import Camera, backproject
 from capture.cloud.fuse import Cloud, Region, View, pixels_inside, spread
@@ -23,6 +22,7 @@ from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.compiled import compiled, compiled_sums, inlined
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.skin_of_blocks import skin_of_blocks_by_shape, skin_of_blocks_by_v_hat
 
 
 def known_anatomy(name: str) -> Anatomy:

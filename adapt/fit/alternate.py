@@ -14,12 +14,12 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.certainty import body_covariance, unseen_noise
-from adapt.fit.correspondences import Target
+from adapt.fit.correspondences import Correspondences, Target
 from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import LEAST_M, patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
-from adapt.fit.sample import sample_skin, weighted_by_tissue
+from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import Factor, fit_skin
 from adapt.model.body import Body
@@ -85,13 +85,7 @@ def adapt_body(
         if not optimise_skin:
             continue  # what the skin alone could explain would pass for noise
         progress(f"round {outer + 1} of {outer_rounds}: skin")
-        factor = Factor()
-        for _ in range(_SKIN_UPDATES):
-            matches = [
-                match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M)
-                for target, theta in zip(targets, thetas, strict=True)
-            ]
-            body = fit_skin(body, thetas, matches, sample, factor=factor)
+        body, matches = _skin_updates(body, targets, thetas, sample)
         own_noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
         unseen_noise_m = unseen_noise(body, unseen, gone)
         noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
@@ -104,3 +98,15 @@ def adapt_body(
     beyond_m = float(np.sqrt(max(0.0, by_proportions_m**2 - LEAST_M**2)))
     covariance = body_covariance(body, fits, noise_m=float(np.hypot(noise_m, _TOGETHER * beyond_m)))
     return Adaptation(body, fits, covariance, own_noise_m, unseen_noise_m)
+
+
+def _skin_updates(
+    body: Body, targets: list[Target], thetas: Floats, sample: SkinSample
+) -> tuple[Body, list[Correspondences]]:
+    """Algorithm 3 for the poses as they are: the body with its skin fitted, and the matches that it was fitted to."""
+    factor = Factor()
+    for _ in range(_SKIN_UPDATES):
+        poses = zip(targets, thetas, strict=True)
+        matches = [match_pose(body, target, theta, sample, gate_m=_SKIN_GATE_M) for target, theta in poses]
+        body = fit_skin(body, thetas, matches, sample, factor=factor)
+    return body, matches

@@ -3,5 +3,5 @@
 The equations are those of ``adapt.model.joints`` and ``adapt.model.deformers``. What does not depend on the pose is
 laid out in arrays once for a body (``prepared``), then ``chain`` moves the bones, ``skin`` the skin. Tracking asks for
 derivatives by the pose alone; adapting also by the body's shape, which ``shaped_skin`` adds. Tests hold all of it
-against the model's own blocks (``adapt.model.skin_of_blocks``).
+against the model's own blocks (``track.evaluation.skin_of_blocks``).
 """

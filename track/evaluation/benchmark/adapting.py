@@ -14,12 +14,12 @@ from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
 from adapt.model.body import make_body, shaped_skin
-from adapt.model.skin_of_blocks import skin_of_blocks_by_shape
 from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.cloud.fuse import fuse
 from capture.recording import Recording, instants
 from track.evaluation.benchmark.timing import Timing, timed
+from track.evaluation.skin_of_blocks import skin_of_blocks_by_shape
 
 ADAPTATION_TARGET_S = 30.0  # of six poses
 FIRST_GIVEN_S, FIRST_AUTOMATIC_S = 15.7, 47.5  # see stages.FIRST

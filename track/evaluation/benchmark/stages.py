@@ -27,7 +27,6 @@ from adapt.fit.score import find_skin
 from adapt.fit.visibility import pixel_of
 from adapt.model.body import pose_skin, pose_skin_varying
 from adapt.model.pose_space import moved_rigidly
-from adapt.model.skin_of_blocks import skin_of_blocks
 from adapt.model.surface import incidence, vertex_normals
 from adapt.subject import Subject
 from capture.calibration.calibrate import calibrate_recording
@@ -40,6 +39,7 @@ from capture.recording import Instant, Recording, instants, open_recording, read
 from capture.rigid import exp_so3, inverse
 from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.benchmark.timing import Timing, timed
+from track.evaluation.skin_of_blocks import skin_of_blocks
 from track.prediction import predict
 from track.run import track_recording
 from track.tracked_frame import TrackedFrame, TrackerState
