@@ -48,6 +48,16 @@ def read_arrays(path: Path | IO[bytes], known: Mapping[str, int]) -> dict[str, N
 
     Raises:
         Exception: one of ``UNREADABLE``, and of these ``TooLarge`` for an array or a sum beyond its limit.
+
+    >>> from io import BytesIO
+    >>> file = BytesIO()
+    >>> np.savez(file, times=np.arange(3.0), notes=np.zeros(9))
+    >>> {name: array.tolist() for name, array in read_arrays(file, {"times": 1000}).items()}
+    {'times': [0.0, 1.0, 2.0]}
+    >>> read_arrays(file, {"times": 16})
+    Traceback (most recent call last):
+        ...
+    capture.files.TooLarge: times would take 24 bytes of memory, more than 16 bytes
     """
     with zipfile.ZipFile(path) as archive:
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
@@ -99,6 +109,16 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path``; move it there only when the block ends without an error.
 
     The temporary name keeps the suffix, because many writers choose the format by it.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder, "angles.csv")
+    ...     with replaced_when_complete(table) as partial:
+    ...         _ = partial.write_text("whole")
+    ...         partial.suffix, table.exists()
+    ...     table.read_text(), partial.exists()
+    ('.csv', False)
+    ('whole', False)
     """
     partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
     try:
