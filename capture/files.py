@@ -141,7 +141,15 @@ def naming(path: Path, partial: Path | None = None) -> Iterator[None]:
 
 
 def left_over(folder: Path, names: Iterable[str]) -> list[Path]:
-    """What runs that were killed while they wrote files of these names left in a folder under temporary names."""
+    """What runs that were killed while they wrote files of these names left in a folder under temporary names.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in ("motion.npz", ".motion.partial-812.npz", ".notes.partial-812.npz"):
+    ...         Path(folder, name).touch()
+    ...     [path.name for path in left_over(Path(folder), ["motion.npz"])]
+    ['.motion.partial-812.npz']
+    """
     patterns = [f"\\.{re.escape(Path(name).stem)}\\.partial-[0-9]+{re.escape(Path(name).suffix)}" for name in names]
     known = re.compile("|".join(patterns))
     return [path for path in folder.iterdir() if known.fullmatch(path.name) and path.is_file()]
