@@ -68,8 +68,8 @@ class Joint:
     axis is the line from its first landmark to its second; ``frames[i]`` is where the coordinate equals ``knots[i]``.
     ``centre`` names the landmarks whose mean is the joint centre.
 
-    Joints may share a coordinate: a kneecap follows the knee's.
-    Raises AnatomyError when the parts do not make a joint of its type.
+    Joints may share a coordinate: a kneecap follows the knee's. Whether the parts make a joint of its type is asked
+    when a body is made of them or a file is read (``adapt.model.parts``).
     """
 
     name: str
@@ -81,13 +81,6 @@ class Joint:
     centre: tuple[str, ...]
     knots: tuple[float, ...] = ()
     frames: tuple[Frame, ...] = ()
-
-    def __post_init__(self) -> None:
-        from adapt.model.joints import joint_problem  # which itself needs what is above
-
-        problem = joint_problem(self)
-        if problem is not None:
-            raise AnatomyError(problem, where=f"joint {self.name}", remedy="mend the anatomy's data")
 
     def landmarks(self) -> tuple[str, ...]:
         """Names of all landmarks that the joint's motion or centre depends on, each once."""
@@ -107,22 +100,12 @@ class Handle:
 
 @dataclass(frozen=True)
 class Deformer:
-    """What moves skin, by which bones and frames: what these mean says the type (adapt.model.deformers).
-
-    Raises AnatomyError where bones and frames make no deformer of the type.
-    """
+    """What moves skin, by which bones and frames: what these mean says the type (adapt.model.deformers)."""
 
     name: str
     type: str  # of adapt.model.deformers.DEFORMER_TYPES
     bones: tuple[str, ...]
     frames: tuple[Frame, ...] = ()
-
-    def __post_init__(self) -> None:
-        from adapt.model.deformers import deformer_problem  # which itself needs what is above
-
-        problem = deformer_problem(self)
-        if problem is not None:
-            raise AnatomyError(problem, where=f"deformer {self.name}", remedy="mend the anatomy's data")
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +113,6 @@ class Anatomy:
     """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers.
 
     Compared by identity, so that what is prepared from an anatomy can be cached.
-    Raises AnatomyError where a coordinate has not the unit that its joint's type gives it.
     """
 
     name: str
@@ -149,18 +131,6 @@ class Anatomy:
     deformer_weights: Floats = field(repr=False)  # (V, D)
     fit_weight: Floats = field(repr=False)  # (V,) in [0, 1]: how much a vertex counts in fitting
     tetrahedra: dict[str, tuple[Floats, Ints]] = field(repr=False)  # "limb" and bone names: (N, 3) m, (T, 4)
-
-    def __post_init__(self) -> None:
-        from adapt.model.joints import units_of  # which itself needs what is above
-
-        for joint in self.joints:
-            for name, unit in zip(joint.coordinates, units_of(joint), strict=True):
-                if self.coordinates[self.coordinate_index(name)].unit != unit:
-                    raise AnatomyError(
-                        f"its coordinate {name} must be in {unit}",
-                        where=f"joint {joint.name}",
-                        remedy="mend the anatomy's data",
-                    )
 
     def bone(self, name: str) -> Bone:
         """The bone of that name. Raises AnatomyError with the valid names."""

@@ -28,6 +28,7 @@ from adapt.anatomy import (
 )
 from adapt.anatomy_check import refuse_unsound
 from adapt.mirror import mirrored, mirrored_name
+from adapt.model.parts import refuse_wrong_parts
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 
@@ -150,14 +151,16 @@ def read_anatomy(source: Path | IO[bytes], *, where: Path) -> Anatomy:
     """What ``save_anatomy`` or ``write_anatomy`` wrote, as it is; ``where`` is the file that errors name.
 
     Raises:
-        AnatomyError: not an anatomy file, or a newer format version.
+        AnatomyError: not an anatomy file, or a newer format version, or a joint or deformer is none of its type.
     """
     try:
         read = read_arrays(source, _KNOWN)
         description = json.loads(str(read.pop("description")))
         _check_format(description, where)
         arrays = {key: _widen(value) for key, value in read.items()}
-        return _from_parts(description, arrays)
+        anatomy = _from_parts(description, arrays)
+        refuse_wrong_parts(anatomy)
+        return anatomy
     except (*UNREADABLE, AttributeError) as error:  # where text or a number stands in the place of a frame
         problem = unreadable("an anatomy file", error)
         raise AnatomyError(problem, where=where, remedy="build or download it again") from error

@@ -2,17 +2,28 @@
 
 A module that uses this is imported where its work begins, because numba alone takes half a second to import. Every
 compiled function has a twin in plain NumPy that a test compares it with.
+
+What numba keeps it takes up again as long as the function's own file is as it was, though functions and numbers of
+other files have become part of it: after an update of those alone, the old equations would run without a word. So the
+files that a file imports count here, too.
 """
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
+from functools import cache
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
+
+_ROOT = Path(__file__).parents[1]
+_IMPORTED = re.compile(r"^from ((?:capture|adapt|track)[\w.]*) import", re.MULTILINE)
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -36,6 +47,33 @@ def _compiled(function: Callable[_P, _R], *, fastmath: bool | set[str], **more: 
         return cast(Callable[_P, _R], numba.njit(**options)(function))
 
     try:
-        return machine_code(cache=True)
-    except RuntimeError:  # nowhere to keep it: installed read-only, and no folder of the user's own
+        kept = machine_code(cache=True)
+        _stamp(kept, Path(function.__code__.co_filename))
+    except (RuntimeError, AttributeError):  # nowhere to keep it (installed read-only), or no way to say when it is old
         return machine_code(cache=False)
+    return kept
+
+
+def _stamp(kept: Any, file: Path) -> None:
+    """Has what numba keeps of a function depend on what its file imports."""
+    index = kept._cache._cache_file
+    index._source_stamp = (index._source_stamp, _content(file))
+
+
+@cache
+def _content(file: Path) -> str:
+    """The content of a file, of those of ours that it imports, and of what these import if they are compiled, too."""
+    found, waiting = set[Path](), [file]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            text = path.read_text(encoding="utf-8")
+            if path == file or "from capture.compiled import" in text:
+                waiting += [there for name in _IMPORTED.findall(text) if (there := _file_of(name)) is not None]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(found))).hexdigest()
+
+
+def _file_of(module: str) -> Path | None:
+    place = _ROOT.joinpath(*module.split("."))
+    return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)

@@ -206,5 +206,6 @@ def test_a_file_with_a_ball_and_a_bend_says_what_it_said(anatomy: Anatomy, tmp_p
 
 
 def test_a_ball_has_three_axes() -> None:
+    hip = Joint("hip", "ball", "pelvis", "femur", ("a", "b"), (("p", "q"), ("r", "s")), ("p",))
     with pytest.raises(AnatomyError, match="ball has 3 coordinate"):
-        Joint("hip", "ball", "pelvis", "femur", ("a", "b"), (("p", "q"), ("r", "s")), ("p",))
+        make_body(replace(toy_anatomy(), joints=(hip,)))

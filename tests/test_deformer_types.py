@@ -154,11 +154,11 @@ def test_linear_blending_with_helper_joints_poses_the_skin_nearly_as_it_does(cas
 
 
 def test_other_parts_than_its_own_make_no_deformer_of_the_type(case: tuple[Body, Deformer]) -> None:
-    _, deformer = case
-    kind = DEFORMER_TYPES[deformer.type]
+    body, deformer = case
+    anatomy, kind = body.anatomy, DEFORMER_TYPES[deformer.type]
     for wrong in ({"bones": (*deformer.bones, "palm")}, {"frames": (*deformer.frames, ULNA)}):
         with pytest.raises(AnatomyError) as caught:
-            replace(deformer, **wrong)  # type: ignore[arg-type]
+            make_body(replace(anatomy, deformers=(replace(deformer, **wrong),)))  # type: ignore[arg-type]
         expected = (
             f"deformer tested: a deformer of type {kind.name} has {kind.bones} bone(s) and {kind.frames} frame(s)"
         )

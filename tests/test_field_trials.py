@@ -84,10 +84,16 @@ def test_the_page_shows_every_situation_and_names_the_losses() -> None:
 
 
 def test_further_sound_recordings_are_counted_and_those_not_right_named() -> None:
-    cases = [("sound arm", 1001, Outcome("right", "")), ("sound arm", 1002, Outcome("refused", "no fit"))]
+    shares = [Outcome("right", "", {"within_2_sd": share}) for share in (0.9, 1.0)]
+    cases = [
+        ("sound arm", 1001, shares[0]),
+        ("sound arm", 1002, Outcome("refused", "no fit")),
+        ("leg", 1003, shares[1]),
+    ]
     text = page_text([], {}, split="held", sound=cases)
-    assert "2 further ones" in text
-    assert "1 right, 1 refused" in text
+    assert "3 further ones" in text
+    assert "2 right, 1 refused" in text
+    assert "within two stated deviations: sound arm 90 %, leg 100 %." in text
     assert "sound arm, seed 1002: refused: no fit" in text
 
 

@@ -19,13 +19,14 @@ from adapt.model.hot.prepared import prepare_chain
 from adapt.model.joints import JOINT_TYPES, joint_motion
 from adapt.model.joints.opensim import OsimJoint, TransformAxis
 from adapt.model.kinematics import bone_motions
+from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import joint_index, reported_coordinates
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.variation import Motion, constant_points
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, inverse, transform
 from tests.test_model import check_motion, seeded
-from tests.toy_leg import place, toy_leg
+from tests.toy_leg import place, toy_leg, with_joint
 from track.evaluation import opensim_tools
 from track.export.osim import write_osim
 from track.export.osim_joints import body_frames, joints_of_coordinates, osim_joints
@@ -198,11 +199,11 @@ def test_an_unknown_type_is_refused_in_one_line_with_the_known_ones(case: tuple[
     ids=["no coordinates", "four axes", "a knot", "a parent where there is none"],
 )
 def test_parts_that_make_none_are_refused(case: tuple[Body, Joint], wrong: dict[str, object], message: str) -> None:
-    joint = case[1]
+    body, joint = case
     if "parent" in wrong and joint.parent is not None:
         wrong = {"parent": None}
     with pytest.raises(AnatomyError, match=f"joint {joint.name}: .*{message}"):
-        replace(joint, **wrong)  # type: ignore[arg-type]
+        refuse_wrong_parts(with_joint(body.anatomy, joint, **wrong))
 
 
 def test_coordinates_of_another_unit_are_refused(case: tuple[Body, Joint]) -> None:
@@ -212,7 +213,9 @@ def test_coordinates_of_another_unit_are_refused(case: tuple[Body, Joint]) -> No
         unit = anatomy.coordinates[i].unit
         other = replace(anatomy.coordinates[i], unit="m" if unit == "rad" else "rad")
         with pytest.raises(AnatomyError, match=f"joint {joint.name}: its coordinate {name} must be in {unit}"):
-            replace(anatomy, coordinates=(*anatomy.coordinates[:i], other, *anatomy.coordinates[i + 1 :]))
+            refuse_wrong_parts(
+                replace(anatomy, coordinates=(*anatomy.coordinates[:i], other, *anatomy.coordinates[i + 1 :]))
+            )
 
 
 # ---- in OpenSim

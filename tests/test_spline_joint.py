@@ -14,6 +14,7 @@ from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.fit.start import variations
 from adapt.model.body import bone_frames, bone_transforms, joint_centres, make_body, pose_skin_varying, rest_theta
 from adapt.model.joints import joint_motion
+from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import reported_coordinates
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.variation import Motion, constant_points
@@ -25,7 +26,7 @@ from capture.errors import AnatomyError
 from capture.rigid import apply, inverse, rotation_angle, transform
 from tests.finite_differences import check_jacobian
 from tests.test_model import check_motion, seeded
-from tests.toy_leg import REST, REST_FROM_FEMUR, place, toy_leg
+from tests.toy_leg import REST, REST_FROM_FEMUR, place, toy_leg, with_joint
 
 FLEXIONS = np.deg2rad(np.linspace(0.0, 120.0, 49))
 NUMERIC_CHECK = Path(__file__).parents[2] / "shared" / "kinematics" / "facts.json"
@@ -283,7 +284,7 @@ def test_a_file_of_the_first_version_has_joints_without_splines(leg: Anatomy, tm
 )
 def test_parts_that_make_no_joint_are_refused(leg: Anatomy, wrong: dict[str, object], message: str) -> None:
     with pytest.raises(AnatomyError, match=message):
-        replace(leg.joint("knee"), **wrong)  # type: ignore[arg-type]
+        refuse_wrong_parts(with_joint(leg, leg.joint("knee"), **wrong))
 
 
 def test_a_wrong_joint_in_a_file_is_told(leg: Anatomy, tmp_path: Path) -> None:

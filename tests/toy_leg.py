@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from adapt.anatomy import Anatomy, Bone, Coordinate, Deformer, Floats, Frame, Handle, Joint
@@ -108,3 +110,9 @@ def toy_leg(seed: int = 0, n_skin: int = 40) -> Anatomy:
         fit_weight=np.ones(n_skin),
         tetrahedra={},
     )
+
+
+def with_joint(anatomy: Anatomy, joint: Joint, **changed: object) -> Anatomy:
+    """An anatomy one of whose joints has other parts."""
+    other = replace(joint, **changed)  # type: ignore[arg-type]
+    return replace(anatomy, joints=tuple(other if each is joint else each for each in anatomy.joints))

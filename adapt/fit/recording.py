@@ -74,20 +74,12 @@ def adapt_recording(
     """
     refuse_useless_depth(recording)
     moments = instants(recording)
-    known = dict(first_poses or {})
+    known, body = dict(first_poses or {}), make_body(anatomy)
     wanted = frames_to_look_at(recording, moments, poses, frames, known)
-    body = make_body(anatomy)
     body, candidates = pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
     refuse_what_nobody_is(body, recording.path)
     sample = sample_skin(anatomy, at_most=2000)
-    usable, doubted = plausible(candidates)
-    needed = max(poses if frames is None else FEWEST_POSES, FEWEST_POSES)
-    if len(usable) < needed:
-        raise FitError(
-            f"{len(usable)} usable poses of {len(wanted)} looked at, {needed} needed{told_of(doubted)}",
-            where=recording.path,
-            remedy="record more poses, narrow the region, or give first poses",
-        )
+    usable, doubted = _usable(candidates, poses if frames is None else FEWEST_POSES, len(wanted), recording)
     others: list[Candidate] = []
     lost = never_seen(body, [(c.target, c.pose.fit.theta) for c in usable], sample)
     sample = without(sample, lost.skin)
@@ -96,29 +88,63 @@ def adapt_recording(
         body, usable, others, again = choose(body, usable, sample, poses)
         doubted |= again
     if not known and keeps_to_its_side(anatomy):
-        usable, others, crossed = on_one_leg(body, usable, others, sample)
+        usable, others, crossed = _of_the_asked_leg(body, usable, others, sample, recording)
         doubted |= crossed
-        if len(usable) < FEWEST_POSES:
-            raise FitError(
-                f"{len(usable)} example poses are of the {anatomy.side} leg, {FEWEST_POSES} needed{told_of(crossed)}",
-                where=recording.path,
-                remedy="say where the leg alone is with `--near X Y Z` or `--region X0 Y0 Z0 X1 Y1 Z1`, "
-                "or give first poses",
-            )
     side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
     adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress)
     refuse_what_nobody_is(adaptation.body, recording.path)
-    settings = {
+    settings = _settings(recording, region, frames, known, poses if frames is None else len(usable))
+    return _subject(adaptation, usable, settings, side, lost, doubted | left_out)
+
+
+def _usable(
+    candidates: list[Candidate], asked: int, looked_at: int, recording: Recording
+) -> tuple[list[Candidate], dict[float, str]]:
+    """The plausible candidates, and by their times why others are not; FitError if too few."""
+    needed = max(asked, FEWEST_POSES)
+    usable, doubted = plausible(candidates)
+    if len(usable) < needed:
+        raise FitError(
+            f"{len(usable)} usable poses of {looked_at} looked at, {needed} needed{told_of(doubted)}",
+            where=recording.path,
+            remedy="record more poses, narrow the region, or give first poses",
+        )
+    return usable, doubted
+
+
+def _of_the_asked_leg(
+    body: Body, used: list[Candidate], others: list[Candidate], sample: SkinSample, recording: Recording
+) -> tuple[list[Candidate], list[Candidate], dict[float, str]]:
+    """The candidates on the asked one of two legs, as ``on_one_leg`` has them; FitError if they are too few."""
+    used, others, crossed = on_one_leg(body, used, others, sample)
+    if len(used) < FEWEST_POSES:
+        side = body.anatomy.side
+        raise FitError(
+            f"{len(used)} example poses are of the {side} leg, {FEWEST_POSES} needed{told_of(crossed)}",
+            where=recording.path,
+            remedy="say where the leg alone is with `--near X Y Z` or `--region X0 Y0 Z0 X1 Y1 Z1`, "
+            "or give first poses",
+        )
+    return used, others, crossed
+
+
+def _settings(
+    recording: Recording,
+    region: Region | None,
+    frames: Sequence[int] | None,
+    known: Mapping[int, Floats],
+    example_poses: int,
+) -> dict[str, Any]:
+    """What the report says of how the subject was made."""
+    return {
         "versions": versions(),
         **recording_used(recording),
         **region_used(recording, region),
-        "example_poses": poses if frames is None else len(usable),
+        "example_poses": example_poses,
         **sensors_used(recording),
         "frames_given": None if frames is None else sorted(set(frames)),
         "first_poses_given": sorted(known),
     }
-    subject = _subject(adaptation, usable, settings, side, lost, doubted | left_out)
-    return replace(subject, report=subject.report | lost.report(anatomy))
 
 
 def _asked_side(
@@ -218,6 +244,7 @@ def _subject(
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
         "settings": settings,
+        **lost.report(body.anatomy),
     }
     times = np.array([candidate.instant.time_s for candidate in used])
     return Subject(body, adaptation.thetas, times, adaptation.covariance, report)

@@ -21,6 +21,7 @@ from adapt.model.hot.prepared import prepare_chain, prepare_skin, prepare_varyin
 from adapt.model.hot.shaped_skin import Varying, pose_varying_rows
 from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
+from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import rest_pose
 from adapt.model.shape.handle_space import AffineSet, affine_set
 from adapt.model.variation import Motion, Points, constant_points, still_points
@@ -147,13 +148,15 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
     """A body of that anatomy: the template itself where nothing else is said.
 
     Raises:
-        AnatomyError: ``shape`` is not (4J,) or ``v_hat`` not (V, 3), or not finite, or a scale is not positive.
+        AnatomyError: ``shape`` is not (4J,) or ``v_hat`` not (V, 3), or not finite, or a scale is not positive; or a
+            joint or deformer of the anatomy has not the parts that its type needs.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> body = make_body(load_anatomy("upper-limb-right"))
     >>> body.shape.reshape(-1, 4).tolist()[0], body.affine.groups  # scale 1 and no shift, of each group
     ([1.0, 0.0, 0.0, 0.0], ('shoulder', 'elbow', 'wrist', 'knuckles'))
     """
+    refuse_wrong_parts(anatomy)
     shape = affine_set(anatomy).identity if shape is None else np.asarray(shape, dtype=np.float64)
     v_hat = anatomy.skin_vertices if v_hat is None else np.asarray(v_hat, dtype=np.float64)
     if shape.shape != affine_set(anatomy).identity.shape or not np.isfinite(shape).all():

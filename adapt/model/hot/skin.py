@@ -88,7 +88,10 @@ def add_rigid(bones: Bones, skin: BoundSkin, deformer: int, rows: Ints, value: F
 @compiled
 def add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
     """Rows that ride on the frames between two bones."""
-    origin, spin, glide, angle = g.origin, g.d_rotation, g.d_origin, g.angle_and_mitre[0]
+    origin, angle, n = g.origin, g.angle_and_mitre[0], d.shape[2]
+    # Long rows, one after the other: for short ones the machine checks again and again whether arrays overlap.
+    spin, glide = g.d_rotation.reshape(6, 3 * n), g.d_origin.reshape(2, 3 * n)
+    turned, moved = np.zeros(3 * n), np.zeros(3 * n)
     bend = skin.kind[deformer] == BENDING
     blended, arm, across = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     by_reach, by_mitre = 0.0, 0.0
@@ -113,16 +116,15 @@ def add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: F
         if len(d) == 0:
             continue
         swing, lag = v / angle, t - s / angle
-        for k in range(d.shape[2]):
-            p = spin[0, 0, k] + s * spin[1, 0, k] + v * spin[2, 0, k]
-            q = spin[0, 1, k] + s * spin[1, 1, k] + v * spin[2, 1, k]
-            r = spin[0, 2, k] + s * spin[1, 2, k] + v * spin[2, 2, k]
-            p += t * spin[3, 0, k] + swing * spin[4, 0, k] + lag * spin[5, 0, k]
-            q += t * spin[3, 1, k] + swing * spin[4, 1, k] + lag * spin[5, 1, k]
-            r += t * spin[3, 2, k] + swing * spin[4, 2, k] + lag * spin[5, 2, k]
-            d[m, 0, k] += w * (glide[0, 0, k] + t * glide[1, 0, k] + q * z - r * y)
-            d[m, 1, k] += w * (glide[0, 1, k] + t * glide[1, 1, k] + r * x - p * z)
-            d[m, 2, k] += w * (glide[0, 2, k] + t * glide[1, 2, k] + p * y - q * x)
+        for k in range(3 * n):
+            turned[k] = spin[0, k] + s * spin[1, k] + v * spin[2, k]
+            turned[k] += t * spin[3, k] + swing * spin[4, k] + lag * spin[5, k]
+            moved[k] = glide[0, k] + t * glide[1, k]
+        for k in range(n):
+            p, q, r = turned[k], turned[n + k], turned[2 * n + k]
+            d[m, 0, k] += w * (moved[k] + q * z - r * y)
+            d[m, 1, k] += w * (moved[n + k] + r * x - p * z)
+            d[m, 2, k] += w * (moved[2 * n + k] + p * y - q * x)
         if by_mitre > 0.0:
             turn(blended, across, arm)  # where the evasion leads to
             for k in range(d.shape[2]):

@@ -61,8 +61,19 @@ def _sound(cases: Sequence[tuple[str, int, Outcome]]) -> str:
     counts = Counter(outcome.verdict for _, _, outcome in cases)
     total = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
     others = [f"- {name}, seed {seed}: {o.verdict}: {o.line}" for name, seed, o in cases if o.verdict != "right"]
-    lines = [f"{len(cases)} further ones (seeds from {SOUND_SEED} on, used for no bound): {total}.", *others]
-    return "## Sound recordings\n\n" + "\n".join([lines[0], "", *lines[1:]]).rstrip() + "\n"
+    told = f"{len(cases)} further ones (seeds from {SOUND_SEED} on, used for no bound): {total}."
+    lines = [told, "", _shares(cases), "", *others]
+    return "## Sound recordings\n\n" + "\n".join(lines).rstrip() + "\n"
+
+
+def _shares(cases: Sequence[tuple[str, int, Outcome]]) -> str:
+    """How many of the angles' errors are within two stated deviations, by situation, over all its recordings."""
+    found: dict[str, list[float]] = {}
+    for name, _, outcome in cases:
+        if outcome.numbers.get("within_2_sd") is not None:
+            found.setdefault(name, []).append(float(outcome.numbers["within_2_sd"]))
+    shares = ", ".join(f"{name} {100 * sum(values) / len(values):.0f} %" for name, values in found.items())
+    return f"Errors of angles within two stated deviations: {shares or 'not known'}."
 
 
 def _section(number: int, situations: Sequence[Situation], found: Mapping[str, Mapping[int, Outcome]]) -> str:

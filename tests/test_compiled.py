@@ -1,0 +1,66 @@
+"""Machine code that is kept is not taken up again when what went into it has changed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from capture import compiled
+
+OUTER = """
+from capture.compiled import compiled
+from capture.inner import doubled
+from capture.numbers_of_it import MORE
+
+
+@compiled
+def result(x):
+    return doubled(x) + MORE
+"""
+INNER = """
+from capture.compiled import compiled
+
+
+@compiled
+def doubled(x):
+    return {factor} * x
+"""
+
+
+def run(folder: Path) -> tuple[float, int]:
+    """What the outer function makes of 1, and how often its machine code was taken from what is kept."""
+    script = (
+        "from capture.outer import result; value = result(1.0); print(value, sum(result.stats.cache_hits.values()))"
+    )
+    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    package = tmp_path / "capture"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    shutil.copy(str(compiled.__file__), package / "compiled.py")
+    (package / "outer.py").write_text(OUTER)
+    (package / "inner.py").write_text(INNER.format(factor=2.0))
+    (package / "numbers_of_it.py").write_text("MORE = 1.0\n")
+    return tmp_path
+
+
+def test_a_change_in_another_file_is_noticed_and_nothing_else_compiled_again(folder: Path) -> None:
+    assert run(folder) == (3.0, 0)
+    assert run(folder) == (3.0, 1)
+    (folder / "capture" / "inner.py").write_text(INNER.format(factor=5.0))
+    assert run(folder) == (6.0, 0)
+    (folder / "capture" / "numbers_of_it.py").write_text("MORE = 4.0\n")
+    assert run(folder) == (9.0, 0)
+    assert run(folder) == (9.0, 1)
