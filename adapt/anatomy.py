@@ -183,7 +183,13 @@ BONE_ARRAYS = ("vertices", "faces", "handle_weights")
 
 
 def anatomy_arrays(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
-    """Every array of an anatomy, by the name that it has in a file."""
+    """Every array of an anatomy, by the name that it has in a file.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arrays = anatomy_arrays(load_anatomy("upper-limb-right"))
+    >>> [name for name in arrays if name.startswith("bone/ulna/")]
+    ['bone/ulna/vertices', 'bone/ulna/faces', 'bone/ulna/handle_weights']
+    """
     arrays: dict[str, NDArray[Any]] = {name: getattr(anatomy, name) for name in ARRAYS}
     for bone in anatomy.bones:
         for part in BONE_ARRAYS:

@@ -50,7 +50,12 @@ def write_anatomy(anatomy: Anatomy, file: IO[bytes]) -> None:
 
 
 def anatomy_description(anatomy: Anatomy) -> dict[str, Any]:
-    """All of an anatomy but its arrays, as JSON keeps it."""
+    """All of an anatomy but its arrays, as JSON keeps it.
+
+    >>> description = anatomy_description(load_anatomy("upper-limb-right"))
+    >>> description["side"], description["bones"][0]["name"], description["coordinates"][6]["unit"]
+    ('right', 'humerus', 'rad')
+    """
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -75,6 +80,10 @@ def load_anatomy(name_or_path: str | Path) -> Anatomy:
     Raises:
         AnatomyError: no such anatomy, not an anatomy file, a newer format version, or a file of parts that do not go
             together.
+
+    >>> left = load_anatomy("lower-limb-left")
+    >>> left.name, left.side, [bone.name for bone in left.bones]
+    ('lower-limb-left', 'left', ['pelvis', 'femur', 'tibia', 'patella', 'foot'])
     """
     if not is_path(name_or_path):
         return _load_shipped(str(name_or_path))
@@ -88,7 +97,11 @@ def load_anatomy(name_or_path: str | Path) -> Anatomy:
 
 
 def is_path(name_or_path: str | Path) -> bool:
-    """Whether an anatomy is asked for by its file, not by its name."""
+    """Whether an anatomy is asked for by its file, not by its name.
+
+    >>> is_path("upper-limb-right"), is_path("my-arm-right.npz")
+    (False, True)
+    """
     return Path(name_or_path).suffix == ".npz"
 
 
@@ -99,7 +112,11 @@ def anatomy_file(path: str | Path) -> Path | None:
 
 
 def shipped_anatomy(name: str) -> Anatomy | None:
-    """The anatomy of that name that ships with the package, or the mirror image of one; None if there is none."""
+    """The anatomy of that name that ships with the package, or the mirror image of one; None if there is none.
+
+    >>> shipped_anatomy("upper-limb-left").side, shipped_anatomy("tail")
+    ('left', None)
+    """
     if _shipped(name).is_file():
         return read_anatomy(_shipped(name), where=_shipped(name))
     other = _shipped(mirrored_name(name))
@@ -121,7 +138,11 @@ def _shipped(name: str) -> Path:
 
 
 def anatomy_names() -> list[str]:
-    """Names of all anatomies that ship with the package, with their mirror images."""
+    """Names of all anatomies that ship with the package, with their mirror images.
+
+    >>> anatomy_names()
+    ['lower-limb-left', 'lower-limb-right', 'upper-limb-left', 'upper-limb-right']
+    """
     names = {path.stem for path in _shipped("any").parent.glob("*.npz")}
     return sorted(names | {mirrored_name(name) for name in names})
 

@@ -41,7 +41,15 @@ def says_degrees(comments: Iterable[str]) -> bool:
 
 
 def coordinate_column(anatomy: Anatomy, name: str, *, degrees: bool = False) -> CoordinateColumn | None:
-    """What a column of that name holds; None if it is no coordinate of the anatomy."""
+    """What a column of that name holds; None if it is no coordinate of the anatomy.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> coordinate_column(arm, "elbow_flexion_deg")
+    CoordinateColumn(name='elbow_flexion_deg', index=6, factor=0.017453292519943295)
+    >>> coordinate_column(arm, "elbow_flexion").factor, coordinate_column(arm, "knee_angle_r")
+    (1.0, None)
+    """
     for index, coordinate in enumerate(anatomy.coordinates):
         turns = coordinate.unit == "rad"
         if name == coordinate.name:

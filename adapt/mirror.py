@@ -32,7 +32,14 @@ _SIGNS = np.array([1.0, 1.0, -1.0])
 
 
 def mirrored(anatomy: Anatomy) -> Anatomy:
-    """The same limb of the other side. Names stay, but for coordinates whose OpenSim name tells the side."""
+    """The same limb of the other side. Names stay, but for coordinates whose OpenSim name tells the side.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> right = load_anatomy("lower-limb-right")
+    >>> left = mirrored(right)
+    >>> left.name, left.coordinates[right.coordinate_index("knee_angle_r")].name
+    ('lower-limb-left', 'knee_angle_l')
+    """
     return Anatomy(
         name=mirrored_name(anatomy.name),
         side="left" if anatomy.side == "right" else "right",
@@ -56,7 +63,13 @@ def mirrored(anatomy: Anatomy) -> Anatomy:
 
 
 def mirrored_body(body: Body) -> Body:
-    """The mirror image of a body, of the other side's anatomy: same proportions, same soft tissue."""
+    """The mirror image of a body, of the other side's anatomy: same proportions, same soft tissue.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> mirrored_body(arm).anatomy.side, bool((mirrored_body(mirrored_body(arm)).shape == arm.shape).all())
+    ('left', True)
+    """
     shape = body.affine.mirrored(body.shape)
     return make_body(mirrored(body.anatomy), shape=shape, v_hat=mirrored_points(body.v_hat))
 
@@ -84,7 +97,11 @@ def mirrored_coordinate(name: str) -> str:
 
 
 def mirrored_points(points: Floats) -> Floats:
-    """Points (..., 3) on the other side of the plane z = 0."""
+    """Points (..., 3) on the other side of the plane z = 0.
+
+    >>> mirrored_points(np.array([[0.1, 0.2, 0.3]])).tolist()
+    [[0.1, 0.2, -0.3]]
+    """
     return np.asarray(points * _SIGNS)
 
 

@@ -35,7 +35,14 @@ MOST_BYTES = 16 << 20
 
 @lru_cache(maxsize=8)
 def content(anatomy: Anatomy) -> str:
-    """A digest of all that an anatomy is, but for its name; numbers in single precision, as files have them."""
+    """A digest of all that an anatomy is, but for its name; numbers in single precision, as files have them.
+
+    >>> arm = load_anatomy("upper-limb-left")
+    >>> content(arm) == content(replace(arm, name="another"))
+    True
+    >>> content(arm) == content(replace(arm, landmarks=1.01 * arm.landmarks))
+    False
+    """
     digest = hashlib.sha256(json.dumps(anatomy_description(anatomy) | {"name": ""}, sort_keys=True).encode())
     for name, array in sorted(anatomy_arrays(anatomy).items()):
         narrow = np.ascontiguousarray(array, dtype=np.float32 if array.dtype.kind == "f" else np.int32)
@@ -45,18 +52,33 @@ def content(anatomy: Anatomy) -> str:
 
 
 def is_shipped(anatomy: Anatomy) -> bool:
-    """Whether an anatomy is the one of its name that ships with the package, or the mirror image of one."""
+    """Whether an anatomy is the one of its name that ships with the package, or the mirror image of one.
+
+    >>> arm = load_anatomy("upper-limb-left")
+    >>> is_shipped(arm), is_shipped(replace(arm, landmarks=1.01 * arm.landmarks))
+    (True, False)
+    """
     return content(anatomy) == _shipped_content(anatomy.name)
 
 
 def other_side_asked(anatomy: Anatomy) -> str:
-    """How the mirror image of an anatomy is asked for, as messages say it."""
+    """How the mirror image of an anatomy is asked for, as messages say it.
+
+    >>> arm = load_anatomy("upper-limb-left")
+    >>> other_side_asked(arm), other_side_asked(replace(arm, name="thin-arm-left"))
+    ('`--anatomy upper-limb-right`', '`--anatomy thin-arm-right.npz` (one file serves both sides)')
+    """
     other = mirrored_name(anatomy.name)
     return f"`--anatomy {other}`" if is_shipped(anatomy) else f"`--anatomy {other}.npz` (one file serves both sides)"
 
 
 def is_comparable(one: Anatomy, other: Anatomy) -> bool:
-    """Whether bodies of two anatomies go point by point: of one name, with the same coordinates, bones and meshes."""
+    """Whether bodies of two anatomies go point by point: of one name, with the same coordinates, bones and meshes.
+
+    >>> arm = load_anatomy("upper-limb-left")
+    >>> is_comparable(arm, replace(arm, landmarks=1.01 * arm.landmarks)), is_comparable(arm, replace(arm, name="mine"))
+    (True, False)
+    """
 
     def names(anatomy: Anatomy) -> list[tuple[str, ...]]:
         parts = (anatomy.bones, anatomy.joints, anatomy.coordinates)
@@ -81,6 +103,10 @@ def kept_anatomy(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
 
     Raises:
         AnatomyError: it would take more than ``MOST_BYTES``.
+
+    >>> arm = load_anatomy("upper-limb-left")
+    >>> list(kept_anatomy(arm)), list(kept_anatomy(replace(arm, landmarks=1.01 * arm.landmarks)))
+    ([], ['anatomy_file'])
     """
     if is_shipped(anatomy):
         return {}
@@ -102,6 +128,9 @@ def anatomy_kept(name: str, kept: NDArray[Any] | None, *, where: Path) -> Anatom
     Raises:
         AnatomyError: it is not there, or not sound.
         ValueError: no name of an anatomy.
+
+    >>> anatomy_kept("upper-limb-left", None, where=Path("subject.npz")).side
+    'left'
     """
     if Path(name).name != name or (kept is None and Path(name).suffix):
         raise ValueError("an anatomy's name is expected")

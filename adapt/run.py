@@ -66,7 +66,11 @@ def adapt_into(
 
 
 def journal_path(out: Path) -> Path:
-    """Where the journal of a subject's file stands while the file is being made."""
+    """Where the journal of a subject's file stands while the file is being made.
+
+    >>> journal_path(Path("subject.npz")).name
+    'subject.npz.partial-journal'
+    """
     return out.with_name(f"{out.name}.partial-journal")
 
 

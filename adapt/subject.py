@@ -79,7 +79,14 @@ def doubts(subject: Subject) -> list[str]:
 
 
 def as_adapted(subject: Subject, name: str) -> float | None:
-    """The median (m) of what the subject's report says (mm) of its example poses; None where it does not."""
+    """The median (m) of what the subject's report says (mm) of its example poses; None where it does not.
+
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> report = {"poses": [{"median_distance_mm": 2.0}, {"median_distance_mm": 3.0}]}
+    >>> subject = Subject(arm, np.zeros((2, 10)), np.zeros(2), np.eye(16), report)
+    >>> as_adapted(subject, "median_distance_mm"), as_adapted(subject, "no such figure")
+    (0.0025, None)
+    """
     told = [pose[name] / 1e3 for pose in subject.report.get("poses", ()) if name in pose]
     return float(np.median(told)) if told else None
 

@@ -224,6 +224,12 @@ def _posed_again(body: Body, candidate: Candidate, starts: list[Candidate], samp
 
 
 def told_of(doubted: Mapping[float, str]) -> str:
-    """The first few frames that are not believed, and why."""
+    """The first few frames that are not believed, and why.
+
+    >>> told_of({2.5: "fewer than 30 points", 0.5: "the skin is 31 mm from the cloud"})
+    ': at 0.50 s the skin is 31 mm from the cloud; at 2.50 s fewer than 30 points'
+    >>> told_of({})
+    ''
+    """
     told = [f"at {time_s:.2f} s {reason}" for time_s, reason in sorted(doubted.items())[:3]]
     return f": {'; '.join(told)}" if told else ""

@@ -21,6 +21,15 @@ def read_first_poses(path: Path, anatomy: Anatomy) -> dict[int, Floats]:
     Raises:
         FitError: the file is missing, has no such columns, holds something else than numbers, or a pose that no joint
             can take.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "first.csv")
+    ...     _ = path.write_text("frame,elbow_flexion_deg\\n7,90\\n")
+    ...     poses = read_first_poses(path, load_anatomy("upper-limb-right"))
+    >>> {frame: round(float(theta[6]), 2) for frame, theta in poses.items()}  # rad
+    {7: 1.57}
     """
     rows, comments = _rows(path)
     header = [name.strip() for name in rows[0]] if rows else []

@@ -66,12 +66,20 @@ def judge_fit(body: Body, target: Target, fit: PoseFit, sample: SkinSample, boun
 
 
 def fits(part: FoundPart, bounds: Bounds = FOLLOWED) -> bool:
-    """Whether the skin in sight is where the cloud is."""
+    """Whether the skin in sight is where the cloud is.
+
+    >>> fits(FoundPart(in_sight=0.4, skin_m=0.005, coverage=0.8)), fits(FoundPart(0.4, 0.005, 0.8), ADAPTED)
+    (True, False)
+    """
     return part.coverage >= bounds.coverage and part.skin_m <= bounds.skin_m
 
 
 def shows(part: FoundPart) -> bool:
-    """Whether some skin shows: enough of it is in sight, and that fits."""
+    """Whether some skin shows: enough of it is in sight, and that fits.
+
+    >>> shows(FoundPart(in_sight=0.4, skin_m=0.005, coverage=0.8)), shows(FoundPart(0.05, 0.005, 0.8))
+    (True, False)
+    """
     return part.in_sight >= LEAST_IN_SIGHT and fits(part)
 
 

@@ -93,7 +93,12 @@ def _weigh(
 
 
 def gaussian_term(x: Floats, mean: Floats, precision: Floats) -> Quadratic:
-    """A Gaussian prior: 0.5 (x - mean)^T precision (x - mean)."""
+    """A Gaussian prior: 0.5 (x - mean)^T precision (x - mean).
+
+    >>> prior = gaussian_term(np.array([3.0]), np.array([1.0]), np.array([[4.0]]))  # a standard deviation of 0.5
+    >>> prior.energy, prior.gradient.tolist(), prior.hessian.tolist()
+    (8.0, [8.0], [[4.0]])
+    """
     pull = precision @ (x - mean)
     return Quadratic(0.5 * float((x - mean) @ pull), pull, precision)
 

@@ -62,13 +62,30 @@ def never_seen(body: Body, poses: Sequence[tuple[Target, Floats]], sample: SkinS
 
 
 def skin_of(body: Body, bones: Sequence[str]) -> Bools:
-    """The skin (V,) of which something rides on these bones."""
+    """The skin (V,) of which something rides on these bones.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> round(float(skin_of(body, ["hand"]).mean()), 2), round(float(skin_of(body, ["hand", "humerus"]).mean()), 2)
+    (0.23, 0.77)
+    """
     names = [bone.name for bone in body.anatomy.bones]
     return np.asarray(body.skin_riding[:, [name in bones for name in names]].sum(axis=1) > _RIDES)
 
 
 def without(sample: SkinSample, skin: Bools) -> SkinSample:
-    """The sample without some of the skin (V,)."""
+    """The sample without some of the skin (V,).
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.fit.sample import sample_skin
+    >>> from adapt.model.body import make_body
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> sample = sample_skin(body.anatomy)
+    >>> left = without(sample, skin_of(body, ["hand"]))
+    >>> len(left.vertices) < len(sample.vertices), len(left.observations) == len(sample.observations)
+    (True, True)
+    """
     kept = ~skin[sample.vertices]
     return replace(
         sample,
@@ -79,12 +96,24 @@ def without(sample: SkinSample, skin: Bools) -> SkinSample:
 
 
 def ends(anatomy: Anatomy, bones: Sequence[str]) -> list[str]:
-    """The joints that bones which were never seen hang on, or hold: nothing tells where their centres are."""
+    """The joints that bones which were never seen hang on, or hold: nothing tells where their centres are.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> ends(load_anatomy("upper-limb-right"), ["hand"]), ends(load_anatomy("lower-limb-right"), ["tibia"])
+    (['wrist'], ['knee', 'ankle'])
+    """
     return [joint.name for joint in anatomy.joints if {joint.parent, joint.child} & set(bones)]
 
 
 def guessed_lengths(anatomy: Anatomy, bones: Sequence[str]) -> list[str]:
-    """The bones in sight that end at a joint with a bone that was never seen: how long they are is a guess."""
+    """The bones in sight that end at a joint with a bone that was never seen: how long they are is a guess.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> guessed_lengths(load_anatomy("upper-limb-right"), ["hand"])
+    ['ulna', 'radius']
+    >>> guessed_lengths(load_anatomy("lower-limb-right"), ["pelvis"])
+    ['femur']
+    """
     touched = {handle.joint for handle in anatomy.handles if handle.bone in bones}
     names = dict.fromkeys(handle.bone for handle in anatomy.handles if handle.joint in touched)
     return [name for name in names if name not in bones]

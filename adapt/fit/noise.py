@@ -46,6 +46,16 @@ def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[f
 
     NaN is what was not seen. A patch counts once, with the median over the poses in which it was seen: one pose that
     went astray does not decide.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.fit.sample import sample_skin
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> apart = np.full((2, len(arm.skin_vertices)), np.nan)
+    >>> patch_misfit(arm, apart, sample_skin(arm))
+    (0.0, 0)
+    >>> apart[0] = 0.003  # one of two poses saw all of it
+    >>> round(patch_misfit(arm, apart, sample_skin(arm))[0], 6)
+    0.003
     """
     patch = _patches(anatomy, 1.0)
     means = np.full((len(apart), patch.max() + 1), np.nan)
@@ -82,5 +92,13 @@ def _patches(anatomy: Anatomy, wider: float) -> Ints:
 
 
 def trusted(sample: SkinSample, noise_m: float) -> SkinSample:
-    """The sample, each observation counted as one of standard deviation ``noise_m`` instead of SIGMA_M."""
+    """The sample, each observation counted as one of standard deviation ``noise_m`` instead of SIGMA_M.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.fit.sample import sample_skin
+    >>> sample = sample_skin(load_anatomy("upper-limb-right"), at_most=10)
+    >>> doubtful = trusted(sample, 2.0 * SIGMA_M)
+    >>> round(float(sample.observations.sum() / doubtful.observations.sum()), 6)
+    4.0
+    """
     return replace(sample, observations=sample.observations * (SIGMA_M / noise_m) ** 2)

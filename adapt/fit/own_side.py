@@ -19,12 +19,26 @@ _SAME_WAY = 0.7  # cosine between the two legs' right: the legs of one person fa
 
 
 def keeps_to_its_side(anatomy: Anatomy) -> bool:
-    """Whether a limb stays on its own side of the other one of the same person."""
+    """Whether a limb stays on its own side of the other one of the same person.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> keeps_to_its_side(load_anatomy("lower-limb-right")), keeps_to_its_side(load_anatomy("upper-limb-right"))
+    (True, False)
+    """
     return any(bone.name == _SHANK for bone in anatomy.bones)
 
 
 def lies_on_its_side(body: Body, theta: Floats, other: Floats) -> bool | None:
-    """Whether the leg at ``theta`` (n,) is on its side of the one at ``other`` (n,); None where that cannot be told."""
+    """Whether the leg at ``theta`` (n,) is on its side of the one at ``other`` (n,); None where that cannot be told.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body, rest_theta
+    >>> leg = make_body(load_anatomy("lower-limb-right"))
+    >>> theta, beside = rest_theta(leg), rest_theta(leg)
+    >>> beside[leg.anatomy.coordinate_index("hip_tz")] -= 0.2  # 20 cm to the left
+    >>> lies_on_its_side(leg, theta, beside), lies_on_its_side(leg, beside, theta), lies_on_its_side(leg, theta, theta)
+    (True, False, None)
+    """
     right, rights = _right(body, theta), _right(body, other)
     apart = (_lower_leg(body, theta) - _lower_leg(body, other)) @ (right + rights) / 2.0
     if right @ rights < _SAME_WAY or not _APART_M[0] < abs(apart) < _APART_M[1]:
@@ -37,6 +51,15 @@ def is_nearer_to(body: Body, theta: Floats, mine: Floats, other: Floats) -> bool
 
     Feet swing past each other fore and aft, so how far they are across decides. None where the person turned, or both
     are too far away to tell.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body, rest_theta
+    >>> leg = make_body(load_anatomy("lower-limb-right"))
+    >>> mine, other, seen = (rest_theta(leg) for _ in range(3))
+    >>> across = leg.anatomy.coordinate_index("hip_tz")
+    >>> other[across], seen[across] = mine[across] - 0.2, mine[across] - 0.05  # m
+    >>> is_nearer_to(leg, seen, mine, other)
+    True
     """
     right = _right(body, mine)
     across = [(_lower_leg(body, theta) - _lower_leg(body, known)) @ right for known in (mine, other)]

@@ -91,7 +91,13 @@ class BoneLength:
 
 
 def bone_lengths(body: Body) -> list[BoneLength]:
-    """The bones that span from joint to joint, parallel ones once, from the trunk outwards."""
+    """The bones that span from joint to joint, parallel ones once, from the trunk outwards.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> [(bone.bone, round(bone.length_m, 2)) for bone in bone_lengths(make_body(load_anatomy("upper-limb-right")))]
+    [('humerus', 0.3), ('ulna', 0.25), ('hand', 0.1)]
+    """
     heads, template = body.affine.heads(body.shape), body.affine.centres
     lengths = []
     for (first, last), bone in bones_between_groups(body.anatomy, body.affine).items():

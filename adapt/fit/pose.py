@@ -116,5 +116,10 @@ def match_pose(body: Body, target: Target, theta: Floats, sample: SkinSample, *,
 
 
 def next_gate(matches: Correspondences, widest_m: float) -> float:
-    """A gate (m) of four robust standard deviations of what the matches disagree by, along the normal."""
+    """A gate (m) of four robust standard deviations of what the matches disagree by, along the normal.
+
+    >>> far = Correspondences(np.arange(3), np.zeros((3, 3)), np.zeros((3, 3)), np.array([-0.004, 0.002, 0.03]))
+    >>> round(next_gate(far, 0.1), 4), next_gate(far, 0.02)
+    (0.0237, 0.02)
+    """
     return float(np.clip(4.0 * 1.48 * np.median(np.abs(matches.distance)), _TIGHTEST_GATE_M, widest_m))

@@ -11,7 +11,15 @@ RANGE_SIGMA_RAD = np.deg2rad(2.0)  # how softly a joint's range ends
 
 
 def range_term(anatomy: Anatomy, theta: Floats) -> Quadratic:
-    """Zero inside the joint ranges, quadratic outside."""
+    """Zero inside the joint ranges, quadratic outside.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> leg = load_anatomy("lower-limb-right")
+    >>> theta = np.zeros(len(leg.coordinates))
+    >>> theta[leg.coordinate_index("knee_angle_r")] = -RANGE_SIGMA_RAD  # overstretched by one standard deviation
+    >>> range_term(leg, np.zeros(len(theta))).energy, round(range_term(leg, theta).energy, 6)
+    (0.0, 0.5)
+    """
     low = np.array([coordinate.low for coordinate in anatomy.coordinates])
     high = np.array([coordinate.high for coordinate in anatomy.coordinates])
     residual = (theta - np.clip(theta, low, high)) / RANGE_SIGMA_RAD

@@ -47,7 +47,16 @@ def weighted_by_tissue(sample: SkinSample, anatomy: Anatomy) -> SkinSample:
 
 
 def sample_skin(anatomy: Anatomy, *, at_most: int | None = None, seed: int = 0) -> SkinSample:
-    """All vertices that count, or a random choice of ``at_most`` of them, spread evenly over the area."""
+    """All vertices that count, or a random choice of ``at_most`` of them, spread evenly over the area.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> some, every = sample_skin(arm, at_most=600), sample_skin(arm)
+    >>> len(some.vertices), len(every.vertices) < len(arm.skin_vertices)  # some skin does not count
+    (600, True)
+    >>> bool(np.isclose(some.observations.sum(), every.observations[every.vertices].sum()))
+    True
+    """
     faces, n = anatomy.skin_faces, len(anatomy.skin_vertices)
     areas = vertex_areas(anatomy.skin_vertices, faces)
     observations = anatomy.fit_weight * areas / PATCH_M2

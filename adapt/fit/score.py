@@ -164,7 +164,15 @@ def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Float
 
 
 def void_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
-    """For R placements of N vertices (R, N, 3) the weighted share (R,) at which a sensor saw nothing, or past it."""
+    """For R placements of N vertices (R, N, 3) the weighted share (R,) at which a sensor saw nothing, or past it.
+
+    >>> from capture.camera import Camera
+    >>> from capture.cloud.fuse import View
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.full((480, 640), 2.0))
+    >>> cloud = Cloud(np.eye(3)[2:], -np.eye(3)[2:], np.zeros(1, bool), np.zeros(1, int), (view,))
+    >>> void_share(cloud, np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]]), np.array([1.0, 3.0])).tolist()
+    [0.25]
+    """
     void = np.zeros(points.shape[:2], dtype=bool)
     for view in cloud.views:
         void |= looked_past(view, points.reshape(-1, 3)).reshape(void.shape)

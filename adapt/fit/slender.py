@@ -27,7 +27,12 @@ _HOLE_PX = 7  # holes up to this size do not make a trunk slender
 
 @lru_cache(maxsize=4)
 def thicker_than(anatomy: Anatomy) -> float:
-    """The radius (m) of a disc that no part of such a limb holds: clearly more than the largest ball inside it."""
+    """The radius (m) of a disc that no part of such a limb holds: clearly more than the largest ball inside it.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> [round(thicker_than(load_anatomy(name)), 3) for name in ("upper-limb-right", "lower-limb-right")]
+    [0.085, 0.159]
+    """
     inside, _ = anatomy.tetrahedra["limb"]
     return _THICKER * float(cKDTree(anatomy.skin_vertices).query(inside)[0].max())
 

@@ -95,7 +95,14 @@ def locate(
 
 
 def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
-    """A pose, and the same with each joint turned by a fifth of its range more or less: starts for a time apart."""
+    """A pose, and the same with each joint turned by a fifth of its range more or less: starts for a time apart.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> poses = variations(arm, np.zeros(10))
+    >>> len(poses), [round(float(np.rad2deg(pose[arm.coordinate_index("elbow_flexion")]))) for pose in poses]
+    (9, [0, 0, 26, 0, 0, 0, 0, 0, 0])
+    """
     varied = [theta]
     for i in joint_coordinates(anatomy):
         low, high = anatomy.coordinates[i].low, anatomy.coordinates[i].high
@@ -105,7 +112,16 @@ def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
 
 
 def is_sound(pose: ScoredPose) -> bool:
-    """Whether nearly all the skin is found, and neither laid on other surface nor in the void."""
+    """Whether nearly all the skin is found, and neither laid on other surface nor in the void.
+
+    >>> from dataclasses import replace
+    >>> from adapt.fit.correspondences import Correspondences
+    >>> from adapt.fit.pose import PoseFit
+    >>> fit = PoseFit(np.zeros(10), Correspondences(*np.zeros((4, 0))), np.zeros(0))
+    >>> good = ScoredPose(fit, skin_m=0.003, cloud_m=0.004, coverage=0.97, attached=0.1, void=0.01)
+    >>> is_sound(good), is_sound(replace(good, attached=0.6))
+    (True, False)
+    """
     return pose.coverage > _GOOD_COVERAGE and pose.attached < _GOOD_ATTACHED and pose.void < _GOOD_VOID
 
 

@@ -18,7 +18,14 @@ Bools = NDArray[np.bool_]
 
 
 def untold(anatomy: Anatomy, shown: Bools) -> Bools:
-    """Which joint coordinates (n,) lie between bones (B,) of which none shows on the one side, or none on the other."""
+    """Which joint coordinates (n,) lie between bones (B,) of which none shows on the one side, or none on the other.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> shown = np.array([bone.name in ("humerus", "ulna") for bone in arm.bones])
+    >>> [coordinate.name for coordinate, free in zip(arm.coordinates, untold(arm, shown), strict=True) if free]
+    ['pro_sup', 'deviation', 'flexion']
+    """
     names = [bone.name for bone in anatomy.bones]
     told = np.zeros(len(anatomy.coordinates), dtype=bool)
     for joint in anatomy.joints:
@@ -34,6 +41,14 @@ def towards_rest(body: Body, theta: Floats, last: Floats, shown: Bools, kept: fl
 
     ``kept`` is the share of the distance from rest that stays. The root moves so that the bones (B,) that show stay
     where ``theta`` has them.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body, rest_theta
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> rest, last = rest_theta(arm), rest_theta(arm) + 0.2
+    >>> shown = np.array([name != "hand" for name in arm.rest_bones])
+    >>> (towards_rest(arm, rest, last, shown, 0.5) - rest)[6:].round(6).tolist()  # elbow, forearm, and twice the wrist
+    [0.0, 0.0, 0.1, 0.1]
     """
     anatomy = body.anatomy
     free = untold(anatomy, shown)

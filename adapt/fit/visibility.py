@@ -105,20 +105,37 @@ def _facing(
 
 
 def face_the_sensors(cloud: Cloud, normals: Floats) -> Bools:
-    """Which unit normals (..., 3), wherever around the cloud, look where on average its sensors are."""
+    """Which unit normals (..., 3), wherever around the cloud, look where on average its sensors are.
+
+    >>> from capture.camera import Camera
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.zeros((480, 640)))
+    >>> cloud = Cloud(np.eye(3)[2:], -np.eye(3)[2:], np.zeros(1, bool), np.zeros(1, int), (view,))
+    >>> face_the_sensors(cloud, np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])).tolist()
+    [True, False, False]
+    """
     eyes = np.array([view.world_from_sensor[:3, 3] for view in cloud.views])
     toward = eyes.mean(axis=0) - cloud.points.mean(axis=0)
     return np.asarray(normals @ (toward / np.linalg.norm(toward)) > _TO_START)
 
 
 def on_outline(view: View, normals: Floats) -> Bools:
-    """Which unit normals (..., 3) belong to skin on the limb's outline, as the view's sensor shows it."""
+    """Which unit normals (..., 3) belong to skin on the limb's outline, as the view's sensor shows it.
+
+    >>> from capture.camera import Camera
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.zeros((480, 640)))
+    >>> on_outline(view, np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.8, 0.0, -0.6]])).tolist()
+    [True, False, False]
+    """
     return np.asarray(np.abs(normals @ (-view.world_from_sensor[:3, 2])) < _OUTLINE)
 
 
 @compiled
 def is_on_outline(world_from_sensor: Floats, a: float, b: float, c: float) -> bool:
-    """The same of one normal."""
+    """The same of one normal.
+
+    >>> is_on_outline(np.eye(4), 1.0, 0.0, 0.0), is_on_outline(np.eye(4), 0.0, 0.0, -1.0)  # the sensor looks along z
+    (True, False)
+    """
     t = world_from_sensor
     return bool(abs(a * t[0, 2] + b * t[1, 2] + c * t[2, 2]) < _OUTLINE)
 
@@ -127,6 +144,12 @@ def looked_past(view: View, points: Floats) -> Bools:
     """Which points (N, 3) in its image the view's sensor saw past: it measured only what is clearly behind, or nothing.
 
     Sensors drop pixels on any surface, so that must hold of all pixels around a point.
+
+    >>> from capture.camera import Camera
+    >>> depth = np.full((480, 640), 2.0, dtype=np.float32)
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), depth)
+    >>> looked_past(view, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.99], [9.0, 0.0, 1.0]])).tolist()
+    [True, False, False]
     """
     nearest = nearest_around(view.depth)
     row, column, inside = pixel_of(view, points)
@@ -135,12 +158,22 @@ def looked_past(view: View, points: Floats) -> Bools:
 
 @compiled
 def is_past(measured: float, depth: float) -> bool:
-    """The same of one point at a depth (m), by the nearest depth (m) measured around it."""
+    """The same of one point at a depth (m), by the nearest depth (m) measured around it.
+
+    >>> is_past(measured=1.5, depth=1.2), is_past(measured=1.25, depth=1.2)
+    (True, False)
+    """
     return measured > depth + _PAST_M
 
 
 def nearest_around(depth: Image) -> Image:
-    """The smallest depth (H, W) m measured around each pixel of an image (H, W), or something far beyond any."""
+    """The smallest depth (H, W) m measured around each pixel of an image (H, W), or something far beyond any.
+
+    >>> depth = np.full((5, 5), 2.0, dtype=np.float32)
+    >>> depth[2, 2], depth[0, 0] = 1.0, 0.0  # one pixel nearer, one not measured
+    >>> nearest_around(depth)[2].tolist(), float(nearest_around(depth)[0, 0])
+    ([1.0, 1.0, 1.0, 1.0, 1.0], 1.0)
+    """
     filled = np.where(depth > 0.0, depth, _NOTHING_M).astype(np.float32)
     nearest = cv2.erode(filled, np.ones((_AROUND_PX, _AROUND_PX)), borderType=cv2.BORDER_REPLICATE)
     return np.asarray(nearest, dtype=np.float32)
@@ -150,13 +183,24 @@ def depth_at(view: View, points: Floats) -> tuple[Floats, Floats, Bools]:
     """Where points (N, 3) fall in a view's image: the depth measured there, their own depth (N,) m, whether inside.
 
     Nothing measured, or outside the image, is 0.
+
+    >>> from capture.camera import Camera
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.full((480, 640), 2.0))
+    >>> [part.tolist() for part in depth_at(view, np.array([[0.0, 0.0, 1.0], [9.0, 0.0, 1.0]]))]
+    [[2.0, 0.0], [1.0, 1.0], [True, False]]
     """
     row, column, inside = pixel_of(view, points)
     return np.where(inside, view.depth[row, column], 0.0), depth_of(view, points), inside
 
 
 def depth_of(view: View, points: Floats) -> Floats:
-    """How far (N,) m along the viewing axis points (N, 3) are from the view's sensor."""
+    """How far (N,) m along the viewing axis points (N, 3) are from the view's sensor.
+
+    >>> from capture.camera import Camera
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.zeros((480, 640)))
+    >>> depth_of(view, np.array([[0.3, 0.0, 1.2], [0.0, 0.0, -0.5]])).tolist()
+    [1.2, -0.5]
+    """
     return np.asarray((points - view.world_from_sensor[:3, 3]) @ view.world_from_sensor[:3, 2])
 
 
@@ -164,10 +208,24 @@ def pixel_of(view: View, points: Floats) -> tuple[Ints, Ints, Bools]:
     """Row and column (N,) of the pixels that points (N, 3) fall on, and whether they fall inside the image.
 
     Outside, row and column are 0.
+
+    >>> from capture.camera import Camera
+    >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.zeros((480, 640)))
+    >>> [part.tolist() for part in pixel_of(view, np.array([[0.1, 0.0, 1.0], [9.0, 0.0, 1.0]]))]
+    [[240, 0], [370, 0], [True, False]]
     """
     return pixels_in(view.camera, apply(inverse(view.world_from_sensor), points))
 
 
 def in_an_image(views: Sequence[View], points: Floats) -> Bools:
-    """Which points (N, 3) fall inside the image of any of the views: of the others nothing can be known."""
+    """Which points (N, 3) fall inside the image of any of the views: of the others nothing can be known.
+
+    >>> from capture.camera import Camera
+    >>> from capture.rigid import transform
+    >>> camera, nothing = Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.zeros((480, 640))
+    >>> places = [transform(np.eye(3), np.array([x, 0.0, 0.0])) for x in (0.0, 2.0)]  # side by side
+    >>> views = [View("a", camera, place, nothing) for place in places]
+    >>> in_an_image(views, np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [1.0, 0.0, 1.0]])).tolist()
+    [True, True, False]
+    """
     return np.asarray(np.any([pixel_of(view, points)[2] for view in views], axis=0))

@@ -150,6 +150,11 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
     Raises:
         AnatomyError: ``shape`` is not (4J,) or ``v_hat`` not (V, 3), or not finite, or a scale is not positive; or a
             joint or deformer of the anatomy has not the parts that its type needs.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> body.shape.reshape(-1, 4).tolist()[0], body.affine.groups  # scale 1 and no shift, of each group
+    ([1.0, 0.0, 0.0, 0.0], ('shoulder', 'elbow', 'wrist', 'knuckles'))
     """
     refuse_wrong_parts(anatomy)
     shape = affine_set(anatomy).identity if shape is None else np.asarray(shape, dtype=np.float64)
@@ -164,7 +169,14 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
 
 
 def rest_theta(body: Body) -> Floats:
-    """The pose (n,) in which the body stands as its rest skin: T_b = identity for every bone."""
+    """The pose (n,) in which the body stands as its rest skin: T_b = identity for every bone.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> leg = load_anatomy("lower-limb-right")
+    >>> theta = rest_theta(make_body(leg))
+    >>> round(float(np.rad2deg(theta[leg.coordinate_index("knee_angle_r")])), 1)
+    1.0
+    """
     return rest_pose(body.anatomy, body.p)
 
 
@@ -194,12 +206,27 @@ def pose_skin_by_v_hat(body: Body, theta: Floats, *, vertices: Ints | None = Non
 
 
 def bone_transforms(body: Body, theta: Floats) -> dict[str, Floats]:
-    """T_b(theta) (4, 4) of every bone: from its rest pose to its pose."""
+    """T_b(theta) (4, 4) of every bone: from its rest pose to its pose.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> theta = rest_theta(body)
+    >>> theta[body.anatomy.coordinate_index("shoulder_ty")] += 0.1
+    >>> np.allclose(bone_transforms(body, theta)["hand"], [[1, 0, 0, 0], [0, 1, 0, 0.1], [0, 0, 1, 0], [0, 0, 0, 1]])
+    True
+    """
     return {name: motion.matrix() for name, motion in _motions(body, theta).items()}
 
 
 def bone_frames(body: Body, theta: Floats) -> dict[str, Floats]:
-    """F_b(theta) (4, 4) of every bone: its ISB frame in the recording's frame."""
+    """F_b(theta) (4, 4) of every bone: its ISB frame in the recording's frame.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> frame = bone_frames(body, rest_theta(body))["humerus"]  # of ISB, its origin in the shoulder
+    >>> np.allclose(frame[:3, 3], joint_centres(body, rest_theta(body))["shoulder"])
+    True
+    """
     transforms = bone_transforms(body, theta)
     return {
         bone.name: transforms[bone.name] @ frame_from_landmarks(body.anatomy, bone.frame, body.p).matrix()
@@ -208,13 +235,27 @@ def bone_frames(body: Body, theta: Floats) -> dict[str, Floats]:
 
 
 def posed_bones(body: Body, theta: Floats) -> dict[str, Floats]:
-    """Posed surface (N, 3) of every bone in metres."""
+    """Posed surface (N, 3) of every bone in metres.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> bones = posed_bones(body, rest_theta(body))
+    >>> list(bones), np.allclose(bones["ulna"], body.rest_bones["ulna"])
+    (['humerus', 'ulna', 'radius', 'hand'], True)
+    """
     transforms = bone_transforms(body, theta)
     return {name: rest @ transforms[name][:3, :3].T + transforms[name][:3, 3] for name, rest in body.rest_bones.items()}
 
 
 def joint_centres(body: Body, theta: Floats) -> dict[str, Floats]:
-    """Centre (3,) of every joint, posed with its parent; a child that only turns agrees, one that glides does not."""
+    """Centre (3,) of every joint, posed with its parent; a child that only turns agrees, one that glides does not.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> body = make_body(load_anatomy("upper-limb-right"))
+    >>> centres = joint_centres(body, rest_theta(body))
+    >>> list(centres), round(float(np.linalg.norm(centres["shoulder"] - centres["elbow"])), 2)
+    (['shoulder', 'elbow', 'radioulnar', 'wrist'], 0.29)
+    """
     transforms = bone_transforms(body, theta)
     centres = {}
     for joint in body.anatomy.joints:

@@ -19,7 +19,12 @@ def handle_positions(anatomy: Anatomy) -> Floats:
 
 
 def deform(points: Floats, weights: Floats, positions: Floats, a: Floats) -> Floats:
-    """Points (N, 3) moved by handles: sum_h w_h (s_h (x - h) + h + t_h); weights (N, H), a (H, 4)."""
+    """Points (N, 3) moved by handles: sum_h w_h (s_h (x - h) + h + t_h); weights (N, H), a (H, 4).
+
+    >>> point, position = np.array([[0.0, 0.1, 0.0]]), np.zeros((1, 3))
+    >>> deform(point, np.ones((1, 1)), position, np.array([[2.0, 0.0, 0.0, 0.3]])).tolist()  # twice as far, then 0.3 m
+    [[0.0, 0.2, 0.3]]
+    """
     offsets = a[:, 1:] + (1.0 - a[:, :1]) * positions
     return np.asarray((weights @ a[:, 0])[:, None] * points + weights @ offsets)
 
@@ -28,6 +33,10 @@ def d_deform_d_shape(points: Floats, weights: Floats, positions: Floats, basis: 
     """Derivative (N, 3, 4J) of ``deform`` with respect to the shape, through da = basis dshape.
 
     d/ds_h = w_h (x - h), d/dt_h = w_h: constant in a, because ``deform`` is affine in a.
+
+    >>> point, position, basis = np.array([[0.0, 0.1, 0.0]]), np.zeros((1, 3)), np.eye(4)  # one handle
+    >>> d_deform_d_shape(point, np.ones((1, 1)), position, basis)[0].tolist()  # by its scale, then by its shift
+    [[0.0, 1.0, 0.0, 0.0], [0.1, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     """
     d_shape = basis.reshape(len(positions), 4, -1)
     scale_part = weights @ d_shape[:, 0]  # (N, 4J): sum_h w_h ds_h
@@ -37,7 +46,11 @@ def d_deform_d_shape(points: Floats, weights: Floats, positions: Floats, basis: 
 
 
 def local_scale(weights: Floats, a: Floats) -> Floats:
-    """d deform / d point is this number (N,) times the identity: sum_h w_h s_h."""
+    """d deform / d point is this number (N,) times the identity: sum_h w_h s_h.
+
+    >>> local_scale(np.array([[0.5, 0.5]]), np.array([[1.0, 0.0, 0.0, 0.0], [1.2, 0.0, 0.0, 0.0]])).tolist()
+    [1.1]
+    """
     return np.asarray(weights @ a[:, 0])
 
 

@@ -12,6 +12,16 @@ def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: in
 
     ``theta`` (rad, m) is in the order of ``anatomy.coordinates``; its derivative columns start at
     ``first_column`` of the parameters that ``p`` varies with (p.n must leave room for them).
+
+    >>> import numpy as np
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.variation import constant_points
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> theta = np.array([coordinate.rest for coordinate in arm.coordinates])
+    >>> p = constant_points(arm.landmarks, len(theta))  # columns of theta, none of the shape
+    >>> motions = bone_motions(arm, theta, p)
+    >>> list(motions), motions["hand"].d_rotation.shape, motions["ulna"].d_rotation[:, -2:].any().item()
+    (['humerus', 'ulna', 'radius', 'hand'], (3, 10), False)
     """
     motions: dict[str, Motion] = {}
     for joint in anatomy.joints:

@@ -10,5 +10,12 @@ def resized(body: Body, size: float) -> Body:
 
     Raises:
         AnatomyError: ``size`` is not positive.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> arm.rest_bones["hand"].std(axis=0).round(3).tolist()
+    [0.041, 0.033, 0.026]
+    >>> resized(arm, 2.0).rest_bones["hand"].std(axis=0).round(3).tolist()
+    [0.081, 0.066, 0.053]
     """
     return make_body(body.anatomy, shape=body.affine.resized(body.shape, size), v_hat=body.v_hat)

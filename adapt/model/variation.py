@@ -71,22 +71,43 @@ class Line:
 
 
 def constant_points(value: Floats, n: int) -> Points:
-    """Points (N, 3) that vary with none of the n parameters."""
+    """Points (N, 3) that vary with none of the n parameters.
+
+    >>> constant_points(np.ones((5, 3)), 2).d.shape
+    (5, 3, 2)
+    """
     return Points(value, np.zeros((*value.shape, n)))
 
 
 def still_points(value: Floats) -> Points:
-    """Points (N, 3) that vary with nothing: their one column of zeros broadcasts against any number of columns."""
+    """Points (N, 3) that vary with nothing: their one column of zeros broadcasts against any number of columns.
+
+    >>> points = still_points(np.ones((5, 3)))
+    >>> points.still, points.d.shape, (points.d + np.ones((5, 3, 7))).shape
+    (True, (1, 3, 1), (5, 3, 7))
+    """
     return Points(value, np.zeros((1, 3, 1)))
 
 
 def mere_points(value: Floats) -> Points:
-    """Points (N, 3) of which no derivative is asked for: it has no columns."""
+    """Points (N, 3) of which no derivative is asked for: it has no columns.
+
+    >>> mere_points(np.ones((5, 3))).n
+    0
+    """
     return Points(value, np.zeros((*value.shape, 0)))
 
 
 def compose(outer: Motion, inner: Motion) -> Motion:
-    """First ``inner``, then ``outer``: x' = R_o (R_i x + t_i) + t_o."""
+    """First ``inner``, then ``outer``: x' = R_o (R_i x + t_i) + t_o.
+
+    >>> shift = Motion(np.eye(3), np.array([1.0, 0.0, 0.0]), np.zeros((3, 1)), np.zeros((3, 1)))
+    >>> turn = Motion(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), np.zeros(3), np.eye(3)[:, 2:], np.zeros((3, 1)))
+    >>> compose(turn, shift).translation.tolist(), compose(shift, turn).translation.tolist()
+    ([0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    >>> compose(turn, shift).d_translation[:, 0].tolist()  # it swings on about z
+    [-1.0, 0.0, 0.0]
+    """
     carried = outer.rotation @ inner.translation
     return Motion(
         outer.rotation @ inner.rotation,
@@ -97,7 +118,13 @@ def compose(outer: Motion, inner: Motion) -> Motion:
 
 
 def invert(motion: Motion) -> Motion:
-    """The motion back: x = R^T (x' - t)."""
+    """The motion back: x = R^T (x' - t).
+
+    >>> turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
+    >>> back = invert(Motion(turn, np.array([1.0, 0.0, 0.0]), np.zeros((3, 0)), np.zeros((3, 0))))
+    >>> (back.rotation @ [1.0, 0.0, 0.0] + back.translation).tolist()
+    [0.0, 0.0, 0.0]
+    """
     back = motion.rotation.T
     return Motion(
         back,
@@ -108,7 +135,13 @@ def invert(motion: Motion) -> Motion:
 
 
 def move(motion: Motion, points: Points) -> Points:
-    """Points carried by a motion: R x + t, derivative R dx + dt + d_rotation x (R x)."""
+    """Points carried by a motion: R x + t, derivative R dx + dt + d_rotation x (R x).
+
+    >>> turn = Motion(np.eye(3), np.zeros(3), np.eye(3)[:, 2:], np.zeros((3, 1)))  # its one parameter turns about z
+    >>> moved = move(turn, still_points(np.array([[0.3, 0.0, 0.0]])))
+    >>> moved.value.tolist(), moved.d[0, :, 0].tolist()
+    ([[0.3, 0.0, 0.0]], [0.0, 0.3, 0.0])
+    """
     turned = points.value @ motion.rotation.T
     if not motion.n:
         return mere_points(turned + motion.translation)

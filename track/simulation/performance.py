@@ -27,7 +27,15 @@ class Performance:
 
 
 def poses_with(body: Body, columns: Mapping[str, Floats], count: int) -> Floats:
-    """So many poses (count, n) at rest, but for the ``columns`` (count,) given by a coordinate's name."""
+    """So many poses (count, n) at rest, but for the ``columns`` (count,) given by a coordinate's name.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> poses = poses_with(arm, {"elbow_flexion": np.deg2rad([0.0, 90.0])}, 2)
+    >>> poses.shape, poses[:, arm.anatomy.coordinate_index("elbow_flexion")].round(2).tolist()
+    ((2, 10), [0.0, 1.57])
+    """
     thetas = np.tile(rest_theta(body), (count, 1))
     for joint in body.anatomy.joints:
         if len(joint.axes) == 2:  # held straight, not as at rest: a wrist

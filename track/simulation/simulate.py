@@ -52,7 +52,15 @@ def simulate_performance(
 
 
 def truth_of(performance: Performance) -> dict[str, NDArray[Any]]:
-    """What ``truth.npz`` holds of a performance, by name: ``track.accuracy.truth`` reads it."""
+    """What ``truth.npz`` holds of a performance, by name: ``track.accuracy.truth`` reads it.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> truth = truth_of(Performance(arm, np.zeros(1), np.zeros((1, 10))))
+    >>> sorted(truth), truth["displacement"].any().item()  # a template that ships is known by its name
+    (['anatomy', 'coordinates', 'displacement', 'shape', 'theta'], False)
+    """
     body = performance.body
     return {
         "anatomy": np.array(body.anatomy.name),

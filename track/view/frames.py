@@ -52,7 +52,13 @@ class FrameContent:
 
 
 def pose_body(body: Body, theta: Floats) -> Posed | None:
-    """A body in the pose theta (n,); None where the pose is not known."""
+    """A body in the pose theta (n,); None where the pose is not known.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> pose_body(make_body(load_anatomy("upper-limb-right")), np.full(10, np.nan)) is None
+    True
+    """
     if not np.isfinite(theta).all():
         return None
     skin = pose_skin(body, theta).astype(np.float32)

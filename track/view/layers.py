@@ -178,13 +178,23 @@ def label(scene: Scene, joint_name: str, k: int, theta: Floats) -> str:
 
 
 def fewer(seen: SeenPoints) -> SeenPoints:
-    """Some of the points, spread over all: more of them would hide the bones."""
+    """Some of the points, spread over all: more of them would hide the bones.
+
+    >>> points = np.zeros((100_000, 3), dtype=np.float32)
+    >>> len(fewer(SeenPoints(points, None)).points), len(fewer(SeenPoints(points[:5], None)).points)
+    (1800, 5)
+    """
     some = np.linspace(0, len(seen.points) - 1, min(POINTS, len(seen.points))).astype(int)
     return SeenPoints(seen.points[some], None if seen.distances is None else seen.distances[some], seen.problem)
 
 
 def error_colours(seen: SeenPoints) -> NDArray[np.uint8]:
-    """Colours (N, 3) of points: dark violet on the skin to orange at 10 mm; grey beyond 20 mm, or one colour."""
+    """Colours (N, 3) of points: dark violet on the skin to orange at 10 mm; grey beyond 20 mm, or one colour.
+
+    >>> seen = SeenPoints(np.zeros((3, 3), np.float32), np.array([0.0, 0.01, 0.03], np.float32))
+    >>> error_colours(seen).tolist()
+    [[12, 7, 134], [252, 166, 53], [150, 150, 150]]
+    """
     if seen.distances is None:
         return np.tile(np.array(PLAIN, dtype=np.uint8), (len(seen.points), 1))
     share = np.clip(seen.distances / LARGEST_ERROR_M, 0.0, 1.0)
@@ -239,7 +249,12 @@ def first_eye(scene: Scene, frames: FrameStore) -> Eye:
 
 
 def distance_to_see(points: Floats, towards: Floats) -> float:
-    """How far along ``towards`` (3,) an eye must be to have all points (N, 3) about the origin in a square picture."""
+    """How far along ``towards`` (3,) an eye must be to have all points (N, 3) about the origin in a square picture.
+
+    >>> ends = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    >>> [round(distance_to_see(size * ends, np.array([1.0, 0.0, 0.0])), 2) for size in (1.0, 2.0)]
+    [0.25, 0.51]
+    """
     along = points @ towards
     beside = np.linalg.norm(points - along[:, None] * towards, axis=1)
     return _MARGIN * float((along + beside / np.tan(0.5 * _FIELD)).max())

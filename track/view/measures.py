@@ -45,6 +45,13 @@ def lengths(subject: Subject) -> list[Length]:
     """Length of every bone between the landmarks that make its ISB long axis; the SD comes from the shape's covariance.
 
     Adapted bones keep their template's proportions but for the handles' scales: what is not seen is not measured.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), 1e-4 * np.eye(16), {})
+    >>> first = lengths(subject)[0]
+    >>> first.bone, first.ends, round(first.length_m, 3), first.length_m == first.template_m
+    ('humerus', 'middle of EM and EL to GH', 0.281, True)
     """
     template = _template(subject)
     m = len(subject.body.shape)  # what follows it in the covariance is soft tissue, which bones do not depend on
@@ -58,7 +65,14 @@ def lengths(subject: Subject) -> list[Length]:
 
 
 def girths(subject: Subject) -> list[Girth]:
-    """Girths of the rest skin at ``PLACES`` of every bone that runs from one joint to another."""
+    """Girths of the rest skin at ``PLACES`` of every bone that runs from one joint to another.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), np.eye(16), {})
+    >>> [(girth.bone, girth.share, round(girth.girth_m, 2)) for girth in girths(subject)[:3]]
+    [('humerus', 0.25, 0.28), ('humerus', 0.5, 0.3), ('humerus', 0.75, 0.37)]
+    """
     template = _template(subject)
     rows = []
     for bone in subject.anatomy.bones:

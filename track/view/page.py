@@ -38,7 +38,17 @@ def page(title: str, lead: str, sections: Sequence[tuple[str, str]]) -> str:
 
 
 def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table; the first column heads its rows, the others are numbers or words as they are."""
+    """A table; the first column heads its rows, the others are numbers or words as they are.
+
+    >>> print(table("Sides", ["limb", "side"], [["arm & hand", "right"]]))
+    <div class='scroll'><table>
+    <caption>Sides</caption>
+    <thead><tr><th scope='col'>limb</th><th scope='col'>side</th></tr></thead>
+    <tbody>
+    <tr><th scope='row'>arm &amp; hand</th><td>right</td></tr>
+    </tbody>
+    </table></div>
+    """
     top = "".join(f"<th scope='col'>{escape(cell)}</th>" for cell in head)
     lines = []
     for first, *rest in rows:
@@ -59,7 +69,11 @@ def chart(figure: Figure, about: str) -> str:
 
 
 def picture(image: NDArray[np.uint8], alt: str) -> str:
-    """An image (H, W, 3) inside the page."""
+    """An image (H, W, 3) inside the page.
+
+    >>> picture(np.zeros((2, 2, 3), dtype=np.uint8), "nothing")[:40]
+    "<figure><img src='data:image/png;base64,"
+    """
     import cv2
 
     _, encoded = cv2.imencode(".png", image[:, :, ::-1])
@@ -69,12 +83,20 @@ def picture(image: NDArray[np.uint8], alt: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Plain words."""
+    """Plain words.
+
+    >>> paragraph("a < b")
+    '<p>a &lt; b</p>'
+    """
     return f"<p>{escape(text)}</p>"
 
 
 def bullets(items: Sequence[str]) -> str:
-    """A list of plain words."""
+    """A list of plain words.
+
+    >>> bullets(["one", "two & three"])
+    '<ul><li>one</li><li>two &amp; three</li></ul>'
+    """
     return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in items)}</ul>"
 
 

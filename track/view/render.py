@@ -31,7 +31,14 @@ class Layer:
 
 
 def look_at(points: Floats, direction: Floats, up: Floats, *, distance_m: float = 2.0) -> Floats:
-    """Pose (4, 4) of an eye ``distance_m`` away along ``direction`` from the middle of points (N, 3)."""
+    """Pose (4, 4) of an eye ``distance_m`` away along ``direction`` from the middle of points (N, 3).
+
+    >>> eye = look_at(np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    >>> eye[:3, 3].tolist(), (eye[:3, 3] + 2.0 * eye[:3, 2]).tolist()  # its z leads back to the middle
+    ([2.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    >>> eye[:3, 1].tolist()  # and its y down
+    [0.0, -1.0, 0.0]
+    """
     forward = -np.asarray(direction) / np.linalg.norm(direction)
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
@@ -40,7 +47,13 @@ def look_at(points: Floats, direction: Floats, up: Floats, *, distance_m: float 
 
 
 def framing_camera(world_from_eye: Floats, points: Floats, *, width: int = 480, height: int = 480) -> Camera:
-    """A camera at the eye that has all points (N, 3) in its image, with a margin."""
+    """A camera at the eye that has all points (N, 3) in its image, with a margin.
+
+    >>> points = np.array([[0.5, 0.0, 1.0], [-0.5, 0.25, 1.0]])
+    >>> camera = framing_camera(np.eye(4), points)
+    >>> camera.width, project(camera, points)[0].round(1).tolist()
+    (480, [[460.3, 239.5], [18.7, 349.9]])
+    """
     seen = apply(inverse(world_from_eye), points)
     reach = np.abs(seen[:, :2] / seen[:, 2:]).max(axis=0)
     focal = 0.46 * min(width / reach[0], height / reach[1])

@@ -178,7 +178,12 @@ def _name(path: Path) -> str:
 
 
 def joint_coordinates(anatomy: Anatomy) -> list[tuple[int, Coordinate]]:
-    """Place in theta and description of the coordinates that people call joint angles: all but a free joint's."""
+    """Place in theta and description of the coordinates that people call joint angles: all but a free joint's.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> [(i, coordinate.name) for i, coordinate in joint_coordinates(load_anatomy("upper-limb-right"))]
+    [(6, 'elbow_flexion'), (7, 'pro_sup'), (8, 'deviation'), (9, 'flexion')]
+    """
     return [(i, anatomy.coordinates[i]) for i in pose_space.joint_coordinates(anatomy)]
 
 

@@ -45,5 +45,11 @@ def joint_problem(joint: Joint) -> str | None:
 
 
 def units_of(joint: Joint) -> tuple[Literal["rad", "m"], ...]:
-    """The units of a joint's coordinates."""
+    """The units of a joint's coordinates.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> units_of(arm.joint("shoulder")), units_of(arm.joint("wrist"))
+    (('rad', 'rad', 'rad', 'm', 'm', 'm'), ('rad', 'rad'))
+    """
     return JOINT_TYPES[joint.type].units

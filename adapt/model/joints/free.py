@@ -68,12 +68,21 @@ class Free(JointType):
 
 
 def euler_names(joint: Joint) -> tuple[str, str, str]:
-    """Names of the angles that a free joint's rotation vector is reported as."""
+    """Names of the angles that a free joint's rotation vector is reported as.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> euler_names(load_anatomy("lower-limb-right").joint("pelvis"))
+    ('pelvis_euler_x', 'pelvis_euler_y', 'pelvis_euler_z')
+    """
     return f"{joint.name}_euler_x", f"{joint.name}_euler_y", f"{joint.name}_euler_z"
 
 
 def euler_angles(rotation_vectors: Floats) -> Floats:
-    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3)."""
+    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3).
+
+    >>> euler_angles(np.array([[0.5, 0.5, 0.0], [0.3, 0.2, 0.1]])).round(2).tolist()
+    [[0.54, 0.48, -0.14], [0.29, 0.21, 0.07]]
+    """
     return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))
 
 

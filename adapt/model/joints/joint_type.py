@@ -69,5 +69,11 @@ class JointType(ABC):
 
 
 def rest_values(anatomy: Anatomy, joint: Joint) -> Floats:
-    """The values of a joint's coordinates (rad, m) in the template's rest pose."""
+    """The values of a joint's coordinates (rad, m) in the template's rest pose.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> np.rad2deg(rest_values(arm, arm.joint("elbow"))).round(1).tolist()
+    [41.9]
+    """
     return np.array([anatomy.coordinates[anatomy.coordinate_index(name)].rest for name in joint.coordinates])

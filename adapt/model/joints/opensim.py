@@ -97,7 +97,11 @@ class Resting:
 
 
 def along_z(axis: Floats) -> Floats:
-    """A rotation (3, 3) whose z is ``axis`` (3,)."""
+    """A rotation (3, 3) whose z is ``axis`` (3,).
+
+    >>> along_z(np.array([1.0, 0.0, 0.0]))[:, 2].round(6).tolist()
+    [1.0, 0.0, 0.0]
+    """
     return np.asarray(Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0].as_matrix())
 
 
@@ -133,14 +137,23 @@ def sampled(
 
 
 def nearest_point(lines: list[tuple[Floats, Floats]]) -> Floats:
-    """The point (3,) with the least sum of squared distances to lines that are not all parallel."""
+    """The point (3,) with the least sum of squared distances to lines that are not all parallel.
+
+    >>> x, y, above = np.eye(3)[0], np.eye(3)[1], np.array([0.0, 0.0, 0.2])
+    >>> nearest_point([(np.zeros(3), x), (above, y)]).tolist()  # half-way between two lines that miss each other
+    [0.0, 0.0, 0.1]
+    """
     across = [np.eye(3) - np.outer(axis, axis) for _, axis in lines]
     along = [square @ point for square, (point, _) in zip(across, lines, strict=True)]
     return np.asarray(np.linalg.solve(np.sum(across, axis=0), np.sum(along, axis=0)))
 
 
 def unit_vector(vector: Floats) -> Floats:
-    """A vector (3,) at the length of one."""
+    """A vector (3,) at the length of one.
+
+    >>> unit_vector(np.array([0.0, 3.0, 4.0])).tolist()
+    [0.0, 0.6, 0.8]
+    """
     return np.asarray(vector / np.linalg.norm(vector))
 
 

@@ -114,7 +114,12 @@ def _along(basis: CubicSpline, controls: _Controls, q: float, column: int | None
 
 
 def basis_at(basis: CubicSpline, q: float) -> tuple[Floats, Floats]:
-    """b(q) and its slope (K,), in straight lines beyond the outermost knots."""
+    """b(q) and its slope (K,), in straight lines beyond the outermost knots.
+
+    >>> parabola = CubicSpline([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
+    >>> [round(float(value), 6) for value in basis_at(parabola, 3.0)]  # the parabola itself would be at 9 by then
+    [8.0, 4.0]
+    """
     nearest = float(np.clip(q, basis.x[0], basis.x[-1]))
     slope = basis(nearest, 1)
     return basis(nearest) + (q - nearest) * slope, slope

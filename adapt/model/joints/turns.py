@@ -35,7 +35,18 @@ class Turning(JointType):
 
 
 def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, column: int) -> Motion:
-    """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f."""
+    """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.variation import constant_points
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> motion = turn(arm, ("EM", "EL"), np.deg2rad(90.0), constant_points(arm.landmarks, 1), column=0)
+    >>> on_axis = arm.landmarks[arm.landmark_index("EM")]
+    >>> np.allclose(motion.rotation @ on_axis + motion.translation, on_axis)
+    True
+    >>> round(float(np.linalg.norm(motion.d_rotation[:, 0])), 6)  # rad for each rad of the angle
+    1.0
+    """
     line = varying_line(anatomy, axis, p)
     k, sine, versine = hat(line.direction), np.sin(angle), 1.0 - np.cos(angle)
     rotation = np.eye(3) + sine * k + versine * (k @ k)

@@ -85,7 +85,13 @@ class AffineSet:
 
 
 def affine_set(anatomy: Anatomy) -> AffineSet:
-    """The affine set A of an anatomy: a_h = (s, (s - 1)(h - centre) + t) for every handle of a group."""
+    """The affine set A of an anatomy: a_h = (s, (s - 1)(h - centre) + t) for every handle of a group.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> handles = affine_set(load_anatomy("upper-limb-right"))
+    >>> handles.groups, handles.basis.shape  # four numbers for each of 8 handles, four for each group
+    (('shoulder', 'elbow', 'wrist', 'knuckles'), (32, 16))
+    """
     groups = tuple(dict.fromkeys(handle.joint for handle in anatomy.handles))
     positions = handle_positions(anatomy)
     member = np.array([groups.index(handle.joint) for handle in anatomy.handles])

@@ -22,13 +22,29 @@ def shape_precision(anatomy: Anatomy, affine: AffineSet) -> Floats:
 
     Bodies differ by an overall size g first; joints' scales and bones' lengths follow g up to their own
     spread. g itself is integrated out, so any uniform scaling costs only SIZE_SIGMA.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> from adapt.model.size import resized
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> larger = resized(arm, 1.0 + SIZE_SIGMA).shape - arm.shape
+    >>> round(float(larger @ shape_precision(arm.anatomy, arm.affine) @ larger), 2)  # one standard deviation squared
+    0.99
     """
     full = _with_size(anatomy, affine)
     return np.asarray(full[:-1, :-1] - np.outer(full[:-1, -1], full[-1, :-1]) / full[-1, -1])
 
 
 def overall_size(body: Body) -> float:
-    """How large a body is against its template: the likeliest g of ``shape_precision`` for its shape."""
+    """How large a body is against its template: the likeliest g of ``shape_precision`` for its shape.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.body import make_body
+    >>> from adapt.model.size import resized
+    >>> arm = make_body(load_anatomy("upper-limb-right"))
+    >>> round(overall_size(arm), 2), round(overall_size(resized(arm, 1.1)), 2)
+    (1.0, 1.1)
+    """
     full = _with_size(body.anatomy, body.affine)
     return float(1.0 - full[-1, :-1] @ (body.shape - body.affine.identity) / full[-1, -1])
 
@@ -53,7 +69,14 @@ def _with_size(anatomy: Anatomy, affine: AffineSet) -> Floats:
 
 
 def bones_between_groups(anatomy: Anatomy, affine: AffineSet) -> dict[tuple[int, int], str]:
-    """All pairs of handle groups that a bone spans, and the first bone that does; a kneecap within one spans none."""
+    """All pairs of handle groups that a bone spans, and the first bone that does; a kneecap within one spans none.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from adapt.model.shape.handle_space import affine_set
+    >>> leg = load_anatomy("lower-limb-right")
+    >>> bones_between_groups(leg, affine_set(leg))
+    {(0, 1): 'pelvis', (1, 2): 'femur', (2, 3): 'tibia', (3, 4): 'foot'}
+    """
     pairs: dict[tuple[int, int], str] = {}
     for bone in anatomy.bones:
         groups = dict.fromkeys(affine.groups.index(h.joint) for h in anatomy.handles if h.bone == bone.name)

@@ -1,0 +1,58 @@
+"""Docstrings show by example what a function does: of what ships, one public function in five. Read from the sources.
+
+That the examples say what comes out is tested where the pages are (test_docs); here they are counted, and all of them
+are such that they run there.
+"""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import importlib
+from pathlib import Path
+
+import pytest
+
+from tests.sources import modules
+
+NOT_SHIPPED = ("adapt.template_builder", "track.evaluation")
+ONE_IN = 5
+
+
+def shipped() -> dict[str, Path]:
+    """The files of what ships, by module name."""
+    return {name: path for name, path in modules().items() if not name.startswith(NOT_SHIPPED)}
+
+
+def public_functions(path: Path) -> dict[str, bool]:
+    """A module's own public functions, and whether their docstrings have an example."""
+    functions = (node for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.FunctionDef))
+    return {node.name: ">>> " in (ast.get_docstring(node) or "") for node in functions if not node.name.startswith("_")}
+
+
+def test_one_public_function_in_five_has_an_example():
+    has = [example for path in shipped().values() for example in public_functions(path).values()]
+    assert ONE_IN * sum(has) >= len(has), f"{sum(has)} of {len(has)} public functions have an example"
+
+
+def test_an_example_is_counted_by_its_function(tmp_path):
+    source = tmp_path / "source.py"
+    source.write_text(
+        'def shown():\n    """One.\n\n    >>> 1\n    1\n    """\n\n\ndef plain():\n    """Two."""\n\n\n'
+        'def bare():\n    pass\n\n\ndef _own():\n    """Three.\n\n    >>> 3\n    3\n    """\n',
+        encoding="utf-8",
+    )
+    assert public_functions(source) == {"shown": True, "plain": False, "bare": False}
+
+
+WITH_EXAMPLES = [
+    (module, name) for module, path in shipped().items() for name, example in public_functions(path).items() if example
+]
+
+
+@pytest.mark.parametrize("module", sorted({module for module, _ in WITH_EXAMPLES}))
+def test_every_example_that_is_counted_runs(module):
+    """A decorator that does not hand on the docstring would hide its example."""
+    found = doctest.DocTestFinder(exclude_empty=True).find(importlib.import_module(module))
+    run = {test.name for test in found if test.examples}
+    assert {f"{module}.{name}" for where, name in WITH_EXAMPLES if where == module} <= run
