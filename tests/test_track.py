@@ -16,6 +16,7 @@ import pytest
 import track.tracker
 from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
+from adapt.fit.posterior import pose_covariance
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres
 from adapt.model.pose_space import advance, pose_difference
@@ -31,7 +32,6 @@ from track.prediction import predict
 from track.run import JOURNAL, track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
-from track.uncertainty import pose_covariance
 
 
 @pytest.fixture(scope="module")

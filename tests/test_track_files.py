@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from adapt.fit.pose import fit_pose
+from adapt.fit.posterior import pose_covariance
 from adapt.fit.sample import sample_skin
 from adapt.model.body import joint_centres, pose_skin, posed_bones, rest_theta
 from adapt.model.pose_space import reported_coordinates
@@ -30,7 +31,6 @@ from track.run import write_motion_folder
 from track.shown import skin_shown
 from track.simulation.motion_table import read_motion_table
 from track.simulation.performance import PerformanceError
-from track.uncertainty import pose_covariance
 from track.view.charts import plot_angles
 
 LOST = 3

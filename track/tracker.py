@@ -20,6 +20,7 @@ from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
 from adapt.fit.never_seen import skin_of, without
 from adapt.fit.other_limb import on_its_side
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
+from adapt.fit.posterior import pose_covariance
 from adapt.fit.sample import SkinSample, sample_skin
 from adapt.fit.score import score_pose
 from adapt.fit.start import CLEARLY_M, GOOD_M, locate, try_pose
@@ -33,7 +34,6 @@ from track.prediction import predict, unsure_where_unknown
 from track.search import look_of, looks_changed
 from track.shown import bones_shown, coordinates_known, coordinates_seen
 from track.tracked_frame import BY_HAND, FORGOTTEN_S, FOUND, TrackedFrame, TrackerState, lost_frame
-from track.uncertainty import pose_covariance
 
 SAMPLED_VERTICES = 2000
 LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything

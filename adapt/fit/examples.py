@@ -14,25 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from adapt.anatomy import Anatomy, Floats
-from adapt.fit.least_squares import data_term
+from adapt.anatomy import Anatomy
 from adapt.fit.pose import PoseFit
+from adapt.fit.posterior import shape_information
 from adapt.fit.sample import SkinSample
-from adapt.model.body import Body, pose_skin_varying
+from adapt.model.body import Body
 from adapt.model.shape.prior import shape_precision
 
 _AROUND_LANDMARK_M = 0.05
 _MATTERS = 0.5  # fit weight of the skin nearest to a landmark from which on it is worth a pose of its own
 _SHOWN = 0.25  # a landmark shows when this share of the skin around it has a target
-
-
-def shape_information(body: Body, fit: PoseFit, sample: SkinSample) -> Floats:
-    """What one fitted pose tells about the shape (m, m): H_ss - H_st H_tt^-1 H_ts."""
-    skin = pose_skin_varying(body, fit.theta, with_shape=True, vertices=fit.matches.vertex)
-    hessian = data_term(skin, fit.matches, sample.observations[fit.matches.vertex]).hessian
-    n = len(fit.theta)
-    pose = hessian[:n, :n] + 1e-6 * np.trace(hessian[:n, :n]) / n * np.eye(n)
-    return np.asarray(hessian[n:, n:] - hessian[n:, :n] @ np.linalg.solve(pose, hessian[:n, n:]))
 
 
 def choose_examples(body: Body, fits: Sequence[PoseFit], sample: SkinSample, count: int) -> list[int]:

@@ -21,6 +21,7 @@ from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.nearest import PointGrid
 from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
+from adapt.fit.posterior import pose_covariance
 from adapt.fit.recording import DEFAULT_POSES
 from adapt.fit.sample import sample_skin
 from adapt.fit.score import find_skin
@@ -44,7 +45,6 @@ from track.prediction import predict
 from track.run import track_recording
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
-from track.uncertainty import pose_covariance
 
 FRAME_TARGET_S = 0.033
 
