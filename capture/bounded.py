@@ -26,6 +26,15 @@ def read_at_most(file: Path, most: int, *, remedy: str, error: type[BonetrackErr
 
     Raises:
         BonetrackError: an ``error``, if the file cannot be read, or is larger.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "rig.json")
+    ...     _ = file.write_text("{}")
+    ...     read_at_most(file, 1, remedy="name another file")
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: ...rig.json: is larger than 1 bytes; name another file
     """
     data = read_head(file, most + 1, error=error)
     if len(data) > most:

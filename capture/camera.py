@@ -43,7 +43,11 @@ class Camera:
 
 @lru_cache(maxsize=16)
 def ray_slopes(camera: Camera) -> NDArray[np.float32]:
-    """For each pixel the slopes (x / z, y / z) of its ray, (H, W, 2), undistorted; read-only because cached."""
+    """For each pixel the slopes (x / z, y / z) of its ray, (H, W, 2), undistorted; read-only because cached.
+
+    >>> ray_slopes(Camera(3, 1, 2.0, 2.0, 1.0, 0.0))[0].tolist()  # the middle column looks straight ahead
+    [[-0.5, 0.0], [0.0, 0.0], [0.5, 0.0]]
+    """
     if camera.distortion:
         v, u = np.mgrid[: camera.height, : camera.width].astype(np.float64)
         pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
@@ -64,6 +68,9 @@ def backproject(camera: Camera, depth_m: NDArray[np.floating]) -> Floats:
 
     Raises:
         ValueError: the image does not have the camera's size.
+
+    >>> backproject(Camera(2, 1, 500.0, 500.0, 0.0, 0.0), np.array([[1.5, 0.0]]))[0].round(4).tolist()
+    [[0.0, 0.0, 1.5], [nan, nan, nan]]
     """
     if depth_m.shape != (camera.height, camera.width):
         raise ValueError(f"depth_m: expected ({camera.height}, {camera.width}), got {depth_m.shape}")

@@ -48,6 +48,16 @@ def read_arrays(path: Path | IO[bytes], known: Mapping[str, int]) -> dict[str, N
 
     Raises:
         Exception: one of ``UNREADABLE``, and of these ``TooLarge`` for an array or a sum beyond its limit.
+
+    >>> from io import BytesIO
+    >>> file = BytesIO()
+    >>> np.savez(file, times=np.arange(3.0), notes=np.zeros(9))
+    >>> {name: array.tolist() for name, array in read_arrays(file, {"times": 1000}).items()}
+    {'times': [0.0, 1.0, 2.0]}
+    >>> read_arrays(file, {"times": 16})
+    Traceback (most recent call last):
+        ...
+    capture.files.TooLarge: times would take 24 bytes of memory, more than 16 bytes
     """
     with zipfile.ZipFile(path) as archive:
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
@@ -99,6 +109,16 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path``; move it there only when the block ends without an error.
 
     The temporary name keeps the suffix, because many writers choose the format by it.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder, "angles.csv")
+    ...     with replaced_when_complete(table) as partial:
+    ...         _ = partial.write_text("whole")
+    ...         partial.suffix, table.exists()
+    ...     table.read_text(), partial.exists()
+    ('.csv', False)
+    ('whole', False)
     """
     partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
     try:
@@ -121,7 +141,15 @@ def naming(path: Path, partial: Path | None = None) -> Iterator[None]:
 
 
 def left_over(folder: Path, names: Iterable[str]) -> list[Path]:
-    """What runs that were killed while they wrote files of these names left in a folder under temporary names."""
+    """What runs that were killed while they wrote files of these names left in a folder under temporary names.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in ("motion.npz", ".motion.partial-812.npz", ".notes.partial-812.npz"):
+    ...         Path(folder, name).touch()
+    ...     [path.name for path in left_over(Path(folder), ["motion.npz"])]
+    ['.motion.partial-812.npz']
+    """
     patterns = [f"\\.{re.escape(Path(name).stem)}\\.partial-[0-9]+{re.escape(Path(name).suffix)}" for name in names]
     known = re.compile("|".join(patterns))
     return [path for path in folder.iterdir() if known.fullmatch(path.name) and path.is_file()]

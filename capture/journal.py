@@ -47,6 +47,13 @@ def resume_journal(path: Path, key: str) -> Journal:
 
     Raises:
         OutputError: something else than a journal stands there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path, key = Path(folder, "adapt.journal"), "0" * 64
+    ...     resume_journal(path, key).append({"frame": 3, "theta": np.array([0.25, -1.0])})
+    ...     resume_journal(path, key).entries, resume_journal(path, "f" * 64).entries
+    (({'frame': 3, 'theta': [0.25, -1.0]},), ())
     """
     lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
     entries = []

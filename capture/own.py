@@ -61,12 +61,21 @@ class Mark:
 
 
 def words(text: str) -> Mark:
-    """The mark of files that have these words near their beginning."""
+    """The mark of files that have these words near their beginning.
+
+    >>> words("written by bonetrack").pattern.search(b"# written by bonetrack") is not None
+    True
+    """
     return Mark(re.compile(re.escape(text.encode())))
 
 
 def json_of(name: str) -> Mark:
-    """The mark of JSON files whose key ``format`` has this value."""
+    """The mark of JSON files whose key ``format`` has this value.
+
+    >>> mark = json_of("bonetrack-poses").pattern
+    >>> mark.search(b'{"format": "bonetrack-poses"}') is not None, mark.search(b'{"format": "poses"}') is not None
+    (True, False)
+    """
     return Mark(re.compile(rb'"format":\s*"%b"' % re.escape(name.encode())))
 
 
@@ -81,7 +90,12 @@ def table_of(columns: Sequence[str]) -> Mark:
 
 
 def page_of(text: str) -> Mark:
-    """The mark of pages and tables in Markdown: the first line is that of the text which is to be written."""
+    """The mark of pages and tables in Markdown: the first line is that of the text which is to be written.
+
+    >>> mark = page_of("# Errors of seven cohorts").pattern
+    >>> mark.match(b"# Errors of seven cohorts") is not None, mark.match(b"# My notes") is not None
+    (True, False)
+    """
     return Mark(re.compile(rb"\A%b\r?(\n|\Z)" % re.escape(text.partition("\n")[0].encode())))
 
 
@@ -90,7 +104,15 @@ PNG = words("tEXtSoftware\0bonetrack")
 
 
 def marked_png(data: bytes) -> bytes:
-    """The bytes of a PNG file with the mark in a text chunk, the first after the image's header (33 bytes in all)."""
+    """The bytes of a PNG file with the mark in a text chunk, the first after the image's header (33 bytes in all).
+
+    >>> import cv2
+    >>> import numpy as np
+    >>> _, plain = cv2.imencode(".png", np.array([[7]], dtype=np.uint8))
+    >>> marked = marked_png(plain.tobytes())
+    >>> PNG.pattern.search(marked) is not None, cv2.imdecode(np.frombuffer(marked, np.uint8), -1).tolist()
+    (True, [[7]])
+    """
     chunk = b"tEXtSoftware\0bonetrack"
     return data[:33] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[33:]
 
@@ -105,6 +127,15 @@ def refuse_foreign(path: Path, mark: Mark) -> None:
 
     Raises:
         OutputError: something else stands there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     notes = Path(folder, "angles.mot")
+    ...     _ = notes.write_text("my own notes")
+    ...     refuse_foreign(notes, words(WRITTEN))
+    Traceback (most recent call last):
+        ...
+    capture.errors.OutputError: ...angles.mot: does not look like bonetrack's own, so it is not replaced; ...
     """
     if not os.path.lexists(path):
         return

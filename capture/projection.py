@@ -69,7 +69,15 @@ class Lens(NamedTuple):
 
 @lru_cache(maxsize=64)
 def lens_of(camera: Camera) -> Lens:
-    """The numbers of a camera."""
+    """The numbers of a camera.
+
+    >>> lens = lens_of(Camera(640, 480, 500.0, 500.0, 320.0, 240.0))
+    >>> lens.distorts, lens.furthest  # a pinhole sees points at any slope
+    (False, inf)
+    >>> barrel = lens_of(Camera(640, 480, 500.0, 500.0, 320.0, 240.0, (-0.3, 0.0, 0.0, 0.0)))
+    >>> round(barrel.furthest**0.5, 2)  # beyond this slope the polynomial turns back
+    1.05
+    """
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y = map(float, (*camera.distortion, *[0.0] * 14)[:14])
     fx, fy, cx, cy = map(float, (camera.fx, camera.fy, camera.cx, camera.cy))
     tilt, tilts = tuple(_tilt(tau_x, tau_y).ravel().tolist()), tau_x != 0.0 or tau_y != 0.0
@@ -167,7 +175,12 @@ def _project(lens: Lens, points: Floats, pixels: Floats) -> None:
 
 @compiled
 def pixel_within(lens: Lens, shape: tuple[int, int], x: float, y: float, z: float) -> tuple[int, int]:
-    """Row and column of the pixel that one point (m, sensor frame) falls on; -1 outside an image of that shape."""
+    """Row and column of the pixel that one point (m, sensor frame) falls on; -1 outside an image of that shape.
+
+    >>> lens = lens_of(Camera(640, 480, 500.0, 500.0, 320.0, 240.0))
+    >>> pixel_within(lens, (480, 640), 0.1, 0.0, 1.0), pixel_within(lens, (480, 640), 0.1, 0.0, -1.0)  # behind it
+    ((240, 370), (-1, -1))
+    """
     u, v = _coordinates(lens, x, y, z)
     column, row = np.rint(u), np.rint(v)
     if (column >= 0.0) & (column < shape[1]) & (row >= 0.0) & (row < shape[0]):

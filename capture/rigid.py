@@ -30,7 +30,12 @@ def hat(vector: Floats) -> Floats:
 
 
 def exp_so3(rotation_vector: Floats) -> Floats:
-    """Rotation matrices of rotation vectors (rad): (..., 3) -> (..., 3, 3), Rodrigues' formula."""
+    """Rotation matrices of rotation vectors (rad): (..., 3) -> (..., 3, 3), Rodrigues' formula.
+
+    >>> quarter_about_z = exp_so3(np.array([0.0, 0.0, np.pi / 2.0]))
+    >>> (quarter_about_z @ [1.0, 0.0, 0.0]).round(9).tolist()  # x goes to y: turns follow the right hand
+    [0.0, 1.0, 0.0]
+    """
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     k = hat(rotation_vector)
     small = angle < _SMALL
@@ -45,6 +50,10 @@ def log_so3(rotation: Floats) -> Floats:
 
     With axis u and angle x, the matrix is cos(x) I + sin(x) hat(u) + (1 - cos(x)) u u^T: its skew part gives the
     axis unless x is near pi, where the symmetric part does.
+
+    >>> half_about_y = np.diag([-1.0, 1.0, -1.0])
+    >>> log_so3(half_about_y).round(4).tolist()
+    [0.0, 3.1416, 0.0]
     """
     if rotation.ndim > 2:
         return np.array([log_so3(one) for one in rotation])
@@ -60,7 +69,12 @@ def log_so3(rotation: Floats) -> Floats:
 
 
 def left_jacobian_so3(rotation_vector: Floats) -> Floats:
-    """J with ``exp(r + dr) = exp(J dr) exp(r)`` to first order: (..., 3) -> (..., 3, 3)."""
+    """J with ``exp(r + dr) = exp(J dr) exp(r)`` to first order: (..., 3) -> (..., 3, 3).
+
+    >>> r, dr = np.array([0.3, -0.2, 0.5]), np.array([1e-6, 2e-6, -1e-6])
+    >>> bool(np.allclose(exp_so3(r + dr), exp_so3(left_jacobian_so3(r) @ dr) @ exp_so3(r), rtol=0.0, atol=1e-11))
+    True
+    """
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     k = hat(rotation_vector)
     small = angle < _SMALL
@@ -71,23 +85,43 @@ def left_jacobian_so3(rotation_vector: Floats) -> Floats:
 
 
 def transform(rotation: Floats, translation: Floats) -> Floats:
-    """The (4, 4) rigid transform of a rotation (3, 3) and a translation (3,)."""
+    """The (4, 4) rigid transform of a rotation (3, 3) and a translation (3,).
+
+    >>> transform(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    array([[1., 0., 0., 1.],
+           [0., 1., 0., 2.],
+           [0., 0., 1., 3.],
+           [0., 0., 0., 1.]])
+    """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, translation
     return matrix
 
 
 def inverse(rigid: Floats) -> Floats:
-    """Inverse of a rigid (4, 4) transform."""
+    """Inverse of a rigid (4, 4) transform.
+
+    >>> world_from_sensor = transform(exp_so3(np.array([0.0, 0.0, np.pi / 2.0])), np.array([1.0, 2.0, 3.0]))
+    >>> inverse(world_from_sensor)[:3, 3].round(9).tolist()  # where the world's origin lies for the sensor
+    [-2.0, 1.0, -3.0]
+    """
     rotation = rigid[:3, :3].T
     return transform(rotation, -rotation @ rigid[:3, 3])
 
 
 def apply(rigid: Floats, points: Floats) -> Floats:
-    """Map points (N, 3) by a rigid (4, 4) transform."""
+    """Map points (N, 3) by a rigid (4, 4) transform.
+
+    >>> apply(transform(np.eye(3), np.array([0.0, 0.0, 1.0])), np.array([[0.1, 0.2, 0.3]])).tolist()
+    [[0.1, 0.2, 1.3]]
+    """
     return points @ rigid[:3, :3].T + rigid[:3, 3]
 
 
 def rotation_angle(rotation: Floats) -> float:
-    """Angle (rad) of a rotation matrix (3, 3)."""
+    """Angle (rad) of a rotation matrix (3, 3).
+
+    >>> round(rotation_angle(exp_so3(np.array([0.3, 0.0, 0.4]))), 9)
+    0.5
+    """
     return float(np.linalg.norm(log_so3(rotation)))

@@ -45,6 +45,11 @@ def region_used(recording: Recording, given: Region | None) -> dict[str, Any]:
     """The region (m, in the common frame) that a recording's clouds are cut out with, and where it comes from.
 
     Of an automatic one also lines that say what else was there of a person's size.
+
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> region_used(Recording(Path("walk"), ()), Region(np.zeros(3), np.array([1.0, 1.0, 2.0])))
+    {'region': 'given', 'region_minimum_m': [0.0, 0.0, 0.0], 'region_maximum_m': [1.0, 1.0, 2.0]}
     """
     region = given or region_of_interest(recording)
     source = "given" if given is not None else "automatic" if recording.region is None else "of the recording"

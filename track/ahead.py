@@ -18,6 +18,9 @@ def one_ahead(work: Callable[[_T], _R], items: Sequence[_T]) -> Generator[_R, No
 
     What ``work`` raises is raised when its item's turn has come. The thread ends with the iterator, which is ended by
     its last item, an error, or ``close``; at most the item under way is then still worked on.
+
+    >>> list(one_ahead(lambda number: number**2, [1, 2, 3]))
+    [1, 4, 9]
     """
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="one-ahead") as pool:
         following = [pool.submit(work, item) for item in items[:1]]

@@ -24,6 +24,11 @@ def thoraco_humeral(
     ``rotation`` are the indices of the humerus' rotation vector in theta; the thorax frame (4, 4) has X forward,
     Y up, Z right. Plane 0 is abduction, 90 forward flexion; elevation is counted positive. A left arm has the angles
     of its mirror image (adapt.mirror), so they mean the same on both sides.
+
+    >>> abducted, flexed = [-np.pi / 3.0, 0.0, 0.0], [0.0, 0.0, np.pi / 3.0]
+    >>> angles = thoraco_humeral(np.eye(4), np.array([abducted, flexed]), [0, 1, 2], side="right")
+    >>> [(angles[f"thoracohumeral_{name}"].round(6) + 0.0).tolist() for name in ("plane_of_elevation", "elevation")]
+    [[0.0, 90.0], [60.0, 60.0]]
     """
     to_thorax = world_from_thorax[:3, :3].T
     reflection = np.diag([1.0, 1.0, -1.0 if side == "left" else 1.0])
@@ -44,6 +49,13 @@ def refuse_without_humerus(anatomy: Anatomy) -> None:
 
     Raises:
         MotionError: it is another.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> refuse_without_humerus(load_anatomy("upper-limb-left"))
+    >>> refuse_without_humerus(load_anatomy("lower-limb-left"))
+    Traceback (most recent call last):
+        ...
+    track.motion.MotionError: no thoraco-humeral angles: the free bone of lower-limb-left is the pelvis, ...
     """
     root = root_joint(anatomy)
     if root.child != "humerus":
@@ -61,6 +73,15 @@ def read_thorax(path: Path) -> Floats:
 
     Raises:
         MotionError: not such a file, or not a rigid transform.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "thorax.json")
+    ...     _ = path.write_text(json.dumps(np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()))
+    ...     read_thorax(path)  # mirrored, which no thorax can be
+    Traceback (most recent call last):
+        ...
+    track.motion.MotionError: ...thorax.json: is not a rigid 4 x 4 transform; X forward, Y up, Z right; metres
     """
     try:
         matrix = np.array(json.loads(path.read_text(encoding="utf-8")), dtype=np.float64)

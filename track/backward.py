@@ -29,7 +29,16 @@ _MEET_RAD, _MEET_M = np.deg2rad(3.0), 0.008  # poses nearer than this tell the s
 
 
 def anchors(frames: list[TrackedFrame]) -> list[int]:
-    """Frames to go back from: the first after a gap, those found anew and the ones after them, those set by hand."""
+    """Frames to go back from: the first after a gap, those found anew and the ones after them, those set by hand.
+
+    >>> from dataclasses import replace
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> from track.tracked_frame import lost_frame
+    >>> lost = lost_frame(load_anatomy("upper-limb-right"), 0.0, "nothing there")
+    >>> tracked = replace(lost, lost="")
+    >>> anchors([tracked, lost, lost, tracked, tracked])  # the first after the gap
+    [3]
+    """
     tracked = [not frame.lost for frame in frames]
     found, by_hand = ([frame.how == how for frame in frames] for how in (FOUND, BY_HAND))
     return [

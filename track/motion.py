@@ -178,7 +178,12 @@ def _refuse_other_shapes(motion: Motion) -> None:
 
 
 def coordinate_names(anatomy: Anatomy) -> tuple[str, ...]:
-    """Names of theta's entries."""
+    """Names of theta's entries.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> coordinate_names(load_anatomy("upper-limb-right"))[6:]
+    ('elbow_flexion', 'pro_sup', 'deviation', 'flexion')
+    """
     return tuple(coordinate.name for coordinate in anatomy.coordinates)
 
 

@@ -46,6 +46,17 @@ def write_poses(path: Path, anatomy: Anatomy, poses: Iterable[HandPose]) -> None
     Raises:
         PosesError: two of one name or frame, or a pose that ``read_poses`` would refuse.
         OutputError: something else than such a file stands there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> anatomy = load_anatomy("upper-limb-right")
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "poses.json")
+    ...     write_poses(path, anatomy, [HandPose("start", 3, np.full(len(anatomy.coordinates), 0.25))])
+    ...     json.loads(path.read_text())["poses"][0]["coordinates"]["shoulder_tx"]
+    ...     [(pose.name, pose.frame, float(pose.theta[0])) for pose in read_poses(path, anatomy)]
+    {'value': 0.25, 'unit': 'm'}
+    [('start', 3, 0.25)]
     """
     written = {
         "format": FORMAT,
@@ -78,12 +89,21 @@ def read_poses(path: Path, anatomy: Anatomy, *, frames: int | None = None) -> tu
 
 
 def as_shown(coordinate: Coordinate, value: float) -> float:
-    """A value (rad or m) in the unit that people see (deg or m)."""
+    """A value (rad or m) in the unit that people see (deg or m).
+
+    >>> turn, shift = Coordinate("elbow_flexion", "rad", 0.0, 2.6, 0.0), Coordinate("hip_tx", "m", -9.0, 9.0, 0.0)
+    >>> as_shown(turn, math.pi / 2.0), as_shown(shift, 0.5)
+    (90.0, 0.5)
+    """
     return math.degrees(value) if coordinate.unit == "rad" else value
 
 
 def from_shown(coordinate: Coordinate, value: float) -> float:
-    """A value that people see (deg or m) in rad or m."""
+    """A value that people see (deg or m) in rad or m.
+
+    >>> from_shown(Coordinate("elbow_flexion", "rad", 0.0, 2.6, 0.0), 90.0) == math.pi / 2.0
+    True
+    """
     return math.radians(value) if coordinate.unit == "rad" else value
 
 

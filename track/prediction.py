@@ -33,7 +33,16 @@ class Moving(Protocol):
 
 
 def predict(anatomy: Anatomy, state: Moving, time_s: float) -> GaussianPose:
-    """The motion prior: constant velocity, with an uncertainty that grows by acceleration times dt^2 / 2."""
+    """The motion prior: constant velocity, with an uncertainty that grows by acceleration times dt^2 / 2.
+
+    >>> from types import SimpleNamespace
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> anatomy = load_anatomy("upper-limb-right")
+    >>> n, elbow = len(anatomy.coordinates), anatomy.coordinate_index("elbow_flexion")
+    >>> bending = SimpleNamespace(time_s=0.0, theta=np.full(n, 0.3), velocity=np.eye(n)[elbow])
+    >>> round(float(predict(anatomy, bending, 0.04).mean[elbow]), 6)  # at 1 rad/s
+    0.34
+    """
     dt = time_s - state.time_s
     memory = float(np.exp(-max(0.0, dt - 0.05) / _MEMORY_S))
     mean = advance(anatomy, state.theta, state.velocity * dt * memory)
@@ -51,6 +60,13 @@ def unsure_where_unknown(anatomy: Anatomy, covariance: Floats, unknown_s: Floats
     """The covariance (n, n) of a pose whose coordinates have not been known for so long (n,) s; 0 where they are.
 
     What is not known spreads as in ``predict``, up to the standard deviation of any place of its range being as likely.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> anatomy = load_anatomy("upper-limb-right")
+    >>> elbow, n = anatomy.coordinate_index("elbow_flexion"), len(anatomy.coordinates)
+    >>> spread = [np.sqrt(unsure_where_unknown(anatomy, np.eye(n) * 1e-4, np.full(n, s))[elbow, elbow]) for s in (0, 9)]
+    >>> np.rad2deg(spread).round(1).tolist()  # known, and unknown for nine seconds
+    [0.6, 37.5]
     """
     anywhere = np.array([(c.high - c.low) / np.sqrt(12.0) for c in anatomy.coordinates])
     guess = np.minimum(_spread(anatomy, unknown_s), anywhere)

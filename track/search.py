@@ -15,7 +15,13 @@ _MORE = 0.15  # or changes their number by a larger share
 
 
 def look_of(cloud: Cloud) -> Floats:
-    """How a cloud looks."""
+    """How a cloud looks.
+
+    >>> none = np.zeros(0, dtype=bool)
+    >>> cloud = Cloud(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.2]]), np.zeros((2, 3)), none, none.astype(int), ())
+    >>> look_of(cloud).round(6).tolist()
+    [2.0, 0.0, 0.0, 1.1, 0.0, 0.0, 0.1]
+    """
     mean, deviation = cloud.points.mean(axis=0), cloud.points.std(axis=0)
     return np.concatenate([[float(len(cloud.points))], mean, deviation])
 

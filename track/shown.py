@@ -41,6 +41,13 @@ def coordinates_known(anatomy: Anatomy, shown: Bools) -> Bools:
     """Which coordinates (T, n) are known where bones (T, B) show: those of a joint whose parent and child both do.
 
     A coordinate that joints share is known where it is known of one of them.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> anatomy = load_anatomy("upper-limb-right")
+    >>> shown = np.array([[bone.name != "hand" for bone in anatomy.bones]])
+    >>> known = coordinates_known(anatomy, shown)[0]
+    >>> [coordinate.name for coordinate, told in zip(anatomy.coordinates, known, strict=True) if not told]
+    ['deviation', 'flexion']
     """
     known = np.zeros((len(shown), len(anatomy.coordinates)), dtype=bool)
     for joint in anatomy.joints:
@@ -51,7 +58,14 @@ def coordinates_known(anatomy: Anatomy, shown: Bools) -> Bools:
 
 
 def coordinates_seen(anatomy: Anatomy, shown: Bools) -> Bools:
-    """Which coordinates (n,) move a bone that shows, given which bones (B,) do: those whose change can be seen."""
+    """Which coordinates (n,) move a bone that shows, given which bones (B,) do: those whose change can be seen.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> anatomy = load_anatomy("upper-limb-right")
+    >>> seen = coordinates_seen(anatomy, np.array([bone.name == "ulna" for bone in anatomy.bones]))
+    >>> [coordinate.name for coordinate, told in zip(anatomy.coordinates, seen, strict=True) if not told]
+    ['pro_sup', 'deviation', 'flexion']
+    """
     moves = dict(zip((bone.name for bone in anatomy.bones), shown.tolist(), strict=True))
     seen = np.zeros(len(anatomy.coordinates), dtype=bool)
     for joint in reversed(anatomy.joints):  # children come after their parents
@@ -63,7 +77,14 @@ def coordinates_seen(anatomy: Anatomy, shown: Bools) -> Bools:
 
 
 def known_thetas(anatomy: Anatomy, thetas: Floats, shown: Bools) -> Floats:
-    """Poses (T, n) with NaN for what is not known where bones (T, B) show."""
+    """Poses (T, n) with NaN for what is not known where bones (T, B) show.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> anatomy = load_anatomy("upper-limb-right")
+    >>> shown = np.array([[True, True, True, False]])  # all but the hand
+    >>> known_thetas(anatomy, np.zeros((1, len(anatomy.coordinates))), shown)[0, -4:].tolist()
+    [0.0, 0.0, nan, nan]
+    """
     return np.where(coordinates_known(anatomy, shown), thetas, np.nan)
 
 
@@ -71,6 +92,11 @@ def centres_known(anatomy: Anatomy, shown: Bools) -> dict[str, Bools]:
     """In which frames (T,) each joint's centre is known where bones (T, B) show.
 
     The parent carries it, and so does a child that only turns about it; a child that glides does not.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> known = centres_known(load_anatomy("upper-limb-right"), np.array([[True, False, False, False]]))  # the humerus
+    >>> {name: bool(told[0]) for name, told in known.items()}
+    {'shoulder': True, 'elbow': True, 'radioulnar': False, 'wrist': False}
     """
     return {joint.name: np.asarray(shown[:, _carriers(anatomy, joint)].any(axis=1)) for joint in anatomy.joints}
 

@@ -58,6 +58,12 @@ class TrackerState:
 
 
 def lost_frame(anatomy: Anatomy, time_s: float, reason: str) -> TrackedFrame:
-    """A frame without a pose, and why."""
+    """A frame without a pose, and why.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> frame = lost_frame(load_anatomy("upper-limb-right"), 0.5, "no cloud")
+    >>> frame.lost, frame.theta.shape, bool(np.isnan(frame.theta).all()), frame.shown.tolist()
+    ('no cloud', (10,), True, [False, False, False, False])
+    """
     n, nowhere = len(anatomy.coordinates), np.zeros(len(anatomy.bones), dtype=bool)
     return TrackedFrame(time_s, np.full(n, np.nan), np.full((n, n), np.nan), nowhere, np.nan, np.nan, 0.0, 0, reason)

@@ -97,5 +97,9 @@ def _largest_move(fit: BoxFit) -> float:
 
 
 def spread(count: int, most: int) -> list[int]:
-    """At most so many of ``count`` indices, first and last included."""
+    """At most so many of ``count`` indices, first and last included.
+
+    >>> spread(100, 5), spread(3, 5)
+    ([0, 25, 50, 74, 99], [0, 1, 2])
+    """
     return sorted({round(i) for i in np.linspace(0, count - 1, most)})

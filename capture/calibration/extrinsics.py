@@ -33,6 +33,14 @@ def read_extrinsics(file: Path, names: Sequence[str]) -> dict[str, Floats]:
     Raises:
         CalibrationError: unreadable, no such file, a sensor is missing or named twice, a name does not tell which way
             its matrix maps, or a matrix is not rigid.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> away = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2.5], [0, 0, 0, 1]]
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "rig.json")
+    ...     _ = file.write_text(json.dumps({"left_from_world": away}))
+    ...     read_extrinsics(file, ["left"])["left"][:3, 3].tolist()  # the inverse: where the sensor stands
+    [0.0, 0.0, -2.5]
     """
     found: dict[str, Floats] = {}
     for label, values in _matrices(file).items():

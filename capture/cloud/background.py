@@ -207,7 +207,13 @@ def _clear(depth: Image, slopes: Image, equations: Floats, noise: Floats) -> Non
 
 
 def largest_plane(points: Floats) -> Floats:
-    """The plane (4,), n . x + d = 0 with |n| = 1, that has the most of the points (N, 3) within tolerance (RANSAC)."""
+    """The plane (4,), n . x + d = 0 with |n| = 1, that has the most of the points (N, 3) within tolerance (RANSAC).
+
+    >>> floor = np.array([[x, 1.2, z] for x in np.linspace(-1.0, 1.0, 20) for z in np.linspace(1.0, 3.0, 20)])
+    >>> person = np.random.default_rng(0).uniform([-0.2, -0.5, 1.8], [0.2, 1.0, 2.2], (100, 3))
+    >>> (largest_plane(np.concatenate([floor, person])).round(6) + 0.0).tolist()  # 1.2 m below: y points down
+    [0.0, -1.0, 0.0, 1.2]
+    """
     random = np.random.default_rng(0)
     corner = points[random.integers(len(points), size=(_TRIALS, 3))]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -228,7 +234,11 @@ def _through(points: Floats) -> Floats:
 
 
 def some_of(points: NDArray[np.float64]) -> Floats:
-    """At most a few thousand of the points (N, 3), evenly picked."""
+    """At most a few thousand of the points (N, 3), evenly picked.
+
+    >>> some_of(np.zeros((10_000, 3))).shape, some_of(np.zeros((100, 3))).shape
+    ((2000, 3), (100, 3))
+    """
     return points[:: max(1, len(points) // _SAMPLE)]
 
 

@@ -130,6 +130,11 @@ def candidates(seen: Sequence[Seen]) -> list[Candidate]:
     """Everybody who is seen. Boxes that come close to each other at any time are of one person.
 
     What is minor and reaches into somebody's box is left to that box.
+
+    >>> def at(x):
+    ...     return Seen(0, 0.0, "a", np.zeros((1, 3)), np.array([x, 0.0, 2.0]), np.array([x + 0.4, 1.7, 2.3]), 0.4)
+    >>> [len(one.seen) for one in candidates([at(0.0), at(0.5), at(1.5)])]  # the first two are 0.1 m apart
+    [2, 1]
     """
     large, minor = [one for one in seen if not one.minor], [one for one in seen if one.minor]
     return [*_grouped(large), *_grouped([one for one in minor if (_gaps([one], large) > 0.0).all()])]

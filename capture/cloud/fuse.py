@@ -113,7 +113,12 @@ def view_points(view: View, region: Region, *, spacing_m: float) -> tuple[Floats
 
 
 def spread(points: Floats, *, spacing_m: float) -> NDArray[np.intp]:
-    """Indices of well-spread points of (N, 3): of each cube of that size the point nearest to its centre."""
+    """Indices of well-spread points of (N, 3): of each cube of that size the point nearest to its centre.
+
+    >>> points = np.array([[0.001, 0.001, 1.001], [0.004, 0.005, 1.006], [0.501, 0.001, 1.001]])
+    >>> spread(points, spacing_m=0.01).tolist()  # the first two share a cube
+    [1, 2]
+    """
     if not len(points):
         return np.zeros(0, dtype=np.intp)
     size = 1 << int(4 * len(points) - 1).bit_length()  # a table that stays three quarters empty

@@ -23,6 +23,13 @@ def gone_share(points: Floats, camera: Camera, depth: Image) -> float:
     """Which share of points (N, 3) (m, sensor frame) a later or earlier depth image (H, W) (m) shows to have gone.
 
     NaN where nearly all of them are hidden in it. Points that the lens model does not reach do not count.
+
+    >>> camera, wall = Camera(64, 48, 60.0, 60.0, 32.0, 24.0), np.full((48, 64), 2.0, dtype=np.float32)
+    >>> hand = np.array([[0.0, 0.0, 1.0], [0.1, 0.0, 1.0]])
+    >>> gone_share(hand, camera, wall)  # the wall shows in its place
+    1.0
+    >>> gone_share(hand, camera, np.full((48, 64), 0.5, dtype=np.float32))  # something nearer hides the place
+    nan
     """
     pixels, z = project(camera, points)
     has_pixel = np.isfinite(pixels).all(axis=1)

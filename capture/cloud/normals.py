@@ -22,7 +22,11 @@ def surface_at(depth: Image, camera: Camera, pixels: Pixels) -> tuple[Floats, Fl
 
 
 def radius_px(camera: Camera) -> int:
-    """The radius (px) of the window that a patch is fitted in."""
+    """The radius (px) of the window that a patch is fitted in.
+
+    >>> radius_px(Camera(640, 480, 580.0, 580.0, 320.0, 240.0)), radius_px(Camera(80, 60, 70.0, 70.0, 40.0, 30.0))
+    (7, 2)
+    """
     return max(2, round(SMOOTHING_ANGLE * camera.fx))
 
 

@@ -50,6 +50,11 @@ def find_planes(points: Floats, *, smallest: int = 300, most: int = 30) -> list[
         points: of one depth image.
         smallest: regions of fewer points are left out.
         most: stop after so many.
+
+    >>> x, y = np.meshgrid(np.linspace(-0.5, 0.5, 60), np.linspace(-0.4, 0.4, 50))
+    >>> [wall] = find_planes(np.stack([x, y, np.full_like(x, 2.0)], axis=-1))
+    >>> (wall.normal.round(6) + 0.0).tolist(), round(wall.offset, 6), wall.points.shape
+    ([0.0, 0.0, -1.0], -2.0, (3000, 3))
     """
     valid = np.isfinite(points[..., 2])
     if np.count_nonzero(valid) < smallest:

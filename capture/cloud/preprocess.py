@@ -29,7 +29,13 @@ _SQUARE_5 = np.ones((5, 5), dtype=np.uint8)
 
 
 def depth_jump(depth: Image, camera: Camera) -> Image:
-    """The change of depth (m) between neighbouring pixels beyond which they belong to two surfaces."""
+    """The change of depth (m) between neighbouring pixels beyond which they belong to two surfaces.
+
+    >>> camera = Camera(640, 480, 580.0, 580.0, 320.0, 240.0)
+    >>> jump = depth_jump(np.array([[0.5, 1.0, 2.0]], dtype=np.float32), camera)
+    >>> (1000.0 * jump.astype(float)).round(1).tolist()  # mm, at 0.5, 1 and 2 m
+    [[6.6, 16.1, 43.9]]
+    """
     jump = (2.0 * DEPTH_STEP) * depth
     jump += _STEEPEST_SLOPE / camera.fx
     jump *= depth
@@ -37,12 +43,22 @@ def depth_jump(depth: Image, camera: Camera) -> Image:
 
 
 def pixel_area(depth: NDArray[np.floating], camera: Camera) -> NDArray[np.floating]:
-    """The area (m^2) that a pixel covers of a surface facing the sensor at each depth (m)."""
+    """The area (m^2) that a pixel covers of a surface facing the sensor at each depth (m).
+
+    >>> camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0)
+    >>> (1e6 * pixel_area(np.array([1.0, 2.0]), camera)).round(3).tolist()  # mm^2: twice as far, four times the area
+    [4.0, 16.0]
+    """
     return np.asarray(depth**2 / (camera.fx * camera.fy))
 
 
 def jump_mask(depth: Image, camera: Camera) -> Mask:
-    """Pixels (H, W) with a reading that have a jump in depth to one of their eight neighbours with a reading."""
+    """Pixels (H, W) with a reading that have a jump in depth to one of their eight neighbours with a reading.
+
+    >>> depth = np.array([[1.0, 1.0, 1.0, 2.0, 0.0]], dtype=np.float32)
+    >>> jump_mask(depth, Camera(5, 1, 500.0, 500.0, 2.0, 0.0)).tolist()  # a hole is no jump
+    [[False, False, True, True, False]]
+    """
     nearest = cv2.erode(np.where(depth > 0.0, depth, _FAR), _SQUARE_3, borderType=cv2.BORDER_REPLICATE)
     farthest = cv2.dilate(depth, _SQUARE_3, borderType=cv2.BORDER_REPLICATE)
     largest_change = np.maximum(farthest - depth, depth - nearest)
@@ -50,7 +66,13 @@ def jump_mask(depth: Image, camera: Camera) -> Mask:
 
 
 def valid_window(depth: Image) -> tuple[slice, slice]:
-    """Rows and columns of the smallest window of an image (H, W) that holds all its readings."""
+    """Rows and columns of the smallest window of an image (H, W) that holds all its readings.
+
+    >>> depth = np.zeros((480, 640), dtype=np.float32)
+    >>> depth[100, 200] = depth[110, 230] = 1.0
+    >>> valid_window(depth)
+    (slice(100, 111, None), slice(200, 231, None))
+    """
     x, y, width, height = cv2.boundingRect((depth > 0.0).view(np.uint8))
     return slice(y, y + height), slice(x, x + width)
 
@@ -95,6 +117,19 @@ def boundary(depth: Image, camera: Camera, *, inside: Mask | None = None) -> Mas
     These are within two pixels of a hole, a jump in depth or the image's edge. ``inside`` says which pixels count
     as scanned (default: all with a reading), so that a region's cut is a boundary too. A hole one or two pixels
     wide is not one: the surface plainly goes on behind it.
+
+    >>> depth = np.zeros((9, 9), dtype=np.float32)
+    >>> depth[1:8, 1:8] = 1.0
+    >>> print(boundary(depth, Camera(9, 9, 500.0, 500.0, 4.0, 4.0)).astype(int))
+    [[0 0 0 0 0 0 0 0 0]
+     [0 1 1 1 1 1 1 1 0]
+     [0 1 1 1 1 1 1 1 0]
+     [0 1 1 0 0 0 1 1 0]
+     [0 1 1 0 0 0 1 1 0]
+     [0 1 1 0 0 0 1 1 0]
+     [0 1 1 1 1 1 1 1 0]
+     [0 1 1 1 1 1 1 1 0]
+     [0 0 0 0 0 0 0 0 0]]
     """
     on_boundary = np.zeros(depth.shape, dtype=bool)
     scanned = (depth > 0.0) if inside is None else (depth > 0.0) & inside

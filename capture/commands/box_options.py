@@ -50,6 +50,11 @@ def time_span(seconds: tuple[float, float] | None, option: str) -> tuple[float, 
 
     Raises:
         click.BadParameter: the first is not before the second.
+
+    >>> time_span((2.5, 0.0), "--box-seconds")
+    Traceback (most recent call last):
+        ...
+    click.exceptions.BadParameter: the first must be before the second
     """
     if seconds is not None and not seconds[0] < seconds[1]:
         raise click.BadParameter("the first must be before the second", param_hint=option)

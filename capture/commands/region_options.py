@@ -33,6 +33,10 @@ def as_region(values: tuple[float, ...] | None) -> Region | None:
 
     Raises:
         click.BadParameter: a smallest coordinate is not below its largest.
+
+    >>> region = as_region((-0.5, -0.5, 0.8, 0.5, 0.5, 1.6))
+    >>> region.minimum.tolist(), region.maximum.tolist()
+    ([-0.5, -0.5, 0.8], [0.5, 0.5, 1.6])
     """
     if values is None:
         return None

@@ -138,6 +138,9 @@ def has_rays(camera: Camera, radius: float) -> NDArray[np.bool_]:
 
     The corners of wide images lie outside of what the model was fitted to (the calibration's metric radius), and the
     lens lets nothing through there; should a reading stand there all the same, nobody knows where it points.
+
+    >>> has_rays(Camera(5, 1, 2.0, 2.0, 2.0, 0.0), 0.7).tolist()  # slopes of -1, -0.5, 0, 0.5 and 1
+    [[False, True, True, True, False]]
     """
     from capture.projection import project  # compiled loops: only these files need them
 

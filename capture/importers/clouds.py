@@ -36,7 +36,15 @@ _FEWEST_POINTS = 100
 
 
 def is_clouds(folder: Path) -> bool:
-    """Whether a folder holds clouds."""
+    """Whether a folder holds clouds.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     before = is_clouds(Path(folder))
+    ...     _ = Path(folder, "0001.pcd").write_text("")
+    ...     before, is_clouds(Path(folder))
+    (False, True)
+    """
     return any(folder.glob("*.pcd")) or any(folder.glob("*.ply"))
 
 

@@ -34,6 +34,14 @@ def disparity_bits(counts: NDArray[np.int64]) -> int | None:
 
     Values up to about 1090, none between them and 2047, and a good many at 2047, which no distance is likely to do; or
     the same below and at 1023.
+
+    >>> counts = np.zeros(65536, dtype=np.int64)
+    >>> counts[600:900], counts[2047] = 1000, 20_000
+    >>> disparity_bits(counts)
+    11
+    >>> counts[1500] = 1  # a single reading between them: these are distances
+    >>> disparity_bits(counts) is None
+    True
     """
     for bits, farthest, none in ((11, _FARTHEST, _NONE), (10, _FARTHEST_OF_10_BITS, _NONE_OF_10_BITS)):
         beyond = counts[farthest + 1 :].sum() - counts[none]

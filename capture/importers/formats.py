@@ -125,6 +125,13 @@ def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Sourc
 def recognised(path: Path, pattern: str | None = None) -> Format:
     """The format of a file or folder that exists; of a folder only the files that match the pattern count.
 
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "depth.dat")
+    ...     _ = file.write_text("ply")
+    ...     recognised(file).name  # by what is in it, not by what it is called
+    'clouds'
+
     Raises:
         RecordingError: an empty folder, or a file whose content is not what its suffix says.
     """

@@ -119,6 +119,13 @@ def _frames(files: Sequence[Path], kind: Kind, camera: Camera, fps: float) -> It
 def source_files(source: Path, pattern: str) -> list[Path]:
     """The file itself, or the files of a folder that match the pattern.
 
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in ("depth-1.png", "depth-2.png", "colour-1.png"):
+    ...         _ = Path(folder, name).write_bytes(b"any")
+    ...     sorted(file.name for file in source_files(Path(folder), "depth-*.png"))
+    ['depth-1.png', 'depth-2.png']
+
     Raises:
         RecordingError: there is none.
     """
@@ -135,6 +142,15 @@ def source_files(source: Path, pattern: str) -> list[Path]:
 
 def refuse_pointer(file: Path) -> None:
     """Refuse a file that Git LFS left in place of another.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "0001.png")
+    ...     _ = file.write_text("version https://git-lfs.github.com/spec/v1")
+    ...     refuse_pointer(file)
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: ...0001.png: is a Git LFS pointer, a few lines that stand for the file itself; ...
 
     Raises:
         RecordingError: it is one.

@@ -28,7 +28,12 @@ def unpacked(data: bytes, size: int) -> bytes:
 
 
 def unpack(data: _Bytes, out: _Bytes) -> bool:
-    """Fill ``out`` (M,) from ``data`` (N,); False if they do not fit each other."""
+    """Fill ``out`` (M,) from ``data`` (N,); False if they do not fit each other.
+
+    >>> out = np.zeros(6, dtype=np.uint8)
+    >>> unpack(np.array([1, 97, 98, 2 << 5, 1], dtype=np.uint8), out), out.tobytes()  # "ab", and 4 bytes from 2 back
+    (True, b'ababab')
+    """
     at, to = 0, 0
     while at < len(data):
         control = int(data[at])

@@ -40,7 +40,11 @@ def unmirrored(source: Source, path: Path) -> Source:
 
 
 def unmirrored_camera(camera: Camera) -> Camera:
-    """The camera of the true image, for the camera of the mirrored one (and the other way round)."""
+    """The camera of the true image, for the camera of the mirrored one (and the other way round).
+
+    >>> unmirrored_camera(Camera(640, 480, 580.0, 580.0, 300.0, 240.0)).cx
+    339.0
+    """
     distortion = tuple(-value if i in _TURNED else value for i, value in enumerate(camera.distortion))
     return replace(camera, cx=camera.width - 1 - camera.cx, distortion=distortion)
 
@@ -64,6 +68,9 @@ def _true_frames(frames: Frames, path: Path) -> Iterator[DepthFrame | ColourFram
 
 def true_picture(image: NDArray[np.uint8] | bytes, path: Path) -> NDArray[np.uint8]:
     """The pixels (H, W, 3) of a mirrored colour image, turned back; ``path`` is the file it came from.
+
+    >>> true_picture(np.arange(6, dtype=np.uint8).reshape(1, 2, 3), Path("colour.png")).tolist()
+    [[[3, 4, 5], [0, 1, 2]]]
 
     Raises:
         RecordingError: it is no whole JPEG or PNG.

@@ -63,6 +63,12 @@ def named_times(files: Iterable[Path], fps: float | None, *, told_by: str = "as 
         files: the images of one sensor.
         fps: a rate (Hz) that somebody states, which goes before the names' clock; None: the names, or 30 Hz.
         told_by: who states it, in words.
+
+    >>> named = named_times([Path(f"depth_{count}.png") for count in (9, 10, 12)], None)
+    >>> [round(time_s, 4) for time_s in named.times_s], named.clock
+    ([0.0, 0.0333, 0.1], False)
+    >>> named.words
+    'a nominal rate of 30 Hz (assumed: the names tell no time but count, 9 to 12, 1 missing, whose time is left free)'
     """
     ordered = natural_order(files)
     found = _clock(ordered)
@@ -79,7 +85,11 @@ def named_times(files: Iterable[Path], fps: float | None, *, told_by: str = "as 
 
 
 def rate_in_words(fps: float) -> str:
-    """Where times come from that nobody knows."""
+    """Where times come from that nobody knows.
+
+    >>> rate_in_words(30.0), rate_in_words(29.97)
+    ('a nominal rate of 30 Hz', 'a nominal rate of 29.97 Hz')
+    """
     return f"a nominal rate of {fps:g} Hz"
 
 
@@ -87,6 +97,9 @@ def natural_order(files: Iterable[Path]) -> list[Path]:
     """Files sorted by name, numbers in names by their value: 20.png before 100.png, and 1.25.png before 1.5.png.
 
     Numbers with a point are decimals, unless what stands behind the point counts up, as in 1.9.png, 1.10.png.
+
+    >>> [file.name for file in natural_order([Path("100.png"), Path("20.png"), Path("3.png")])]
+    ['3.png', '20.png', '100.png']
     """
     listed = list(files)
     pattern = _WHOLE if _counts_behind_points(listed) else _NUMBER

@@ -21,6 +21,10 @@ _Integers = NDArray[np.int64]
 def decode_with_table(data: bytes, count: int) -> NDArray[np.uint16]:
     """The readings (count,) of a "16zT" image.
 
+    >>> table = bytes([2, 0, 0xE8, 0x03, 0xD0, 0x07])  # two readings occur: 1000 and 2000
+    >>> decode_with_table(table + bytes([0, 0, 0x57]), 3).tolist()
+    [1000, 2000, 1000]
+
     Raises:
         ValueError: it does not hold this many, or not in this way.
     """
@@ -39,6 +43,9 @@ def decode_with_table(data: bytes, count: int) -> NDArray[np.uint16]:
 
 def decode(data: bytes, count: int) -> NDArray[np.uint16]:
     """The values (count,) of a "16zP" image.
+
+    >>> decode(bytes([0xE8, 0x03, 0x57, 0x6D]), 4).tolist()  # 1000; +1 and -1; +0 and no other
+    [1000, 1001, 1000, 1000]
 
     Raises:
         ValueError: it does not hold this many.

@@ -85,6 +85,13 @@ def as_source(streams: Streams, frames: Frames, path: Path, stated: Stated, *, c
 def camera_of(lens: Lens, path: Path) -> Camera:
     """The camera in OpenCV's model.
 
+    >>> camera_of(Lens(848, 480, 420.0, 420.0, 424.0, 240.0, "Kannala Brandt", (0.0,) * 5), Path("a.bag")).distortion
+    ()
+    >>> camera_of(Lens(848, 480, 420.0, 420.0, 424.0, 240.0, "Kannala Brandt", (0.1,) * 5), Path("a.bag"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: a.bag: has a lens model that cannot be used (Kannala Brandt); ...
+
     Raises:
         RecordingError: a model that cannot be told in OpenCV's, or numbers that no lens has.
     """

@@ -143,6 +143,11 @@ def fine_unit(farthest_m: float) -> float:
 def check_size(width: int, height: int, *, where: Path) -> None:
     """Refuse an image size that no sensor has.
 
+    >>> check_size(640, 0, where=Path("frame.raw"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: frame.raw: claims an impossible size of 640 x 0 px; ...
+
     Raises:
         RecordingError: it is impossible.
     """
@@ -156,6 +161,11 @@ def check_size(width: int, height: int, *, where: Path) -> None:
 
 def optional_module(name: str, *, extra: str, where: Path) -> ModuleType:
     """Import a library that only some formats need.
+
+    >>> optional_module("no_such_module", extra="import", where=Path("a.mkv"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: a.mkv: needs the Python package no_such_module, which is not installed; ...
 
     Raises:
         RecordingError: it is not installed; says how to install it.
@@ -171,7 +181,11 @@ def optional_module(name: str, *, extra: str, where: Path) -> ModuleType:
 
 
 def damaged(where: Path, why: object = "") -> RecordingError:
-    """The error to raise about a file that cannot be read as what it seems to be."""
+    """The error to raise about a file that cannot be read as what it seems to be.
+
+    >>> print(damaged(Path("a.oni"), "chunk 7"))
+    a.oni: is truncated or damaged (chunk 7); record or copy it again
+    """
     words = " ".join(str(why).split())[:120]
     return RecordingError(
         f"is truncated or damaged{f' ({words})' if words else ''}", where=where, remedy="record or copy it again"
@@ -180,6 +194,13 @@ def damaged(where: Path, why: object = "") -> RecordingError:
 
 def the_only(streams: Sequence[T], where: Path) -> T | None:
     """The depth stream of a file, None if it has none.
+
+    >>> the_only(["Depth_0"], Path("a.bag")), the_only([], Path("a.bag"))
+    ('Depth_0', None)
+    >>> the_only(["Depth_0", "Depth_1"], Path("a.bag"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: a.bag: has 2 depth streams; record each sensor into a file of its own
 
     Raises:
         RecordingError: it has several, and which is meant cannot be known.

@@ -41,7 +41,11 @@ _PGM_HEADER = re.compile(rb"P([25])\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*
 
 
 def is_table(head: bytes) -> bool:
-    """Whether a file that begins so is a table of numbers."""
+    """Whether a file that begins so is a table of numbers.
+
+    >>> is_table(b"0, 812, 813, nan"), is_table(b"x y z"), is_table(b", ,")
+    (True, False, False)
+    """
     return bool(_TABLE.fullmatch(head)) and any(byte in b"0123456789" for byte in head)
 
 

@@ -56,6 +56,16 @@ def world_from_sensor(recording: Recording, name: str) -> Floats:
 
     Raises:
         CalibrationError: several sensors, and no calibration tells where this one stands.
+
+    >>> from pathlib import Path
+    >>> from capture.camera import Camera
+    >>> camera = Camera(640, 480, 580.0, 580.0, 320.0, 240.0)
+    >>> world_from_sensor(Recording(Path("alone"), (Sensor("a", camera),)), "a").tolist() == np.eye(4).tolist()
+    True
+    >>> world_from_sensor(Recording(Path("both"), (Sensor("a", camera), Sensor("b", camera))), "a")
+    Traceback (most recent call last):
+        ...
+    capture.errors.CalibrationError: both: where sensor 'a' stands is not known; run `bonetrack calibrate both`
     """
     recording.sensor(name)
     if recording.common_frame_is_sensor:

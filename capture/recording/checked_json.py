@@ -101,6 +101,15 @@ def read_json(path: Path, *, format_name: str, newest_version: int) -> Checked:
 
     Raises:
         RecordingError: unreadable, not JSON, another format, or a version this program does not know.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "recording.json")
+    ...     _ = path.write_text('{"format": "bonetrack-recording", "version": 9}')
+    ...     read_json(path, format_name="bonetrack-recording", newest_version=1)
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: ...recording.json: has version 9, newer than this program knows (1); ...
     """
     try:
         value = json.loads(path.read_text(encoding="utf-8"))

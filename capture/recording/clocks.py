@@ -58,7 +58,11 @@ class Clock:
 
 
 def usual_period(times: Floats) -> float:
-    """The usual time (s) between frames at these times (N,)."""
+    """The usual time (s) between frames at these times (N,).
+
+    >>> round(usual_period(np.array([0.0, 0.1, 0.2, 0.9])), 9)  # a gap does not change what is usual
+    0.1
+    """
     return float(np.median(np.diff(times))) if len(times) > 1 else NOMINAL_PERIOD_S
 
 
@@ -67,6 +71,11 @@ def refuse_impossible_rate(name: str, times: Floats, *, where: Path, mend: str =
 
     Raises:
         RecordingError: the rate is outside ``SLOWEST_HZ`` to ``FASTEST_HZ``; names the likely unit.
+
+    >>> refuse_impossible_rate("left", np.array([0.0, 33.3, 66.7]), where=Path("walk"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: walk: sensor 'left' has 0.03 frames a second, which no sensor has; ...
     """
     if len(times) < 2:
         return
@@ -94,6 +103,11 @@ def refuse_clocks_apart(times: Mapping[str, Floats], *, where: Path) -> None:
 
     Raises:
         RecordingError: two sensors have none; says from when to when each filmed.
+
+    >>> refuse_clocks_apart({"left": np.array([0.0, 5.0]), "right": np.array([90.0, 95.0])}, where=Path("walk"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: walk: the sensors' clocks have no time in common: 'left' 0.00 to 5.00 s and ...
     """
     spans = {name: (float(at[0]), float(at[-1])) for name, at in times.items() if len(at) > 1}
     for one, other in combinations(spans, 2):
@@ -109,5 +123,12 @@ def refuse_clocks_apart(times: Mapping[str, Floats], *, where: Path) -> None:
 
 
 def restarts_in_words(name: str, restarts: Iterable[str]) -> list[str]:
-    """What is said of a sensor's clock that began anew."""
+    """What is said of a sensor's clock that began anew.
+
+    >>> clock = Clock()
+    >>> [round(clock(time_s), 3) for time_s in (4294.90, 4294.93, 4294.96, 0.02)]
+    [4294.9, 4294.93, 4294.96, 4294.987]
+    >>> restarts_in_words("left", clock.restarts)
+    ["sensor 'left': the 32-bit clock of microseconds began anew after 4294.960 s and was gone on with"]
+    """
     return [f"sensor {name!r}: {told}" for told in restarts]

@@ -26,6 +26,10 @@ def encoded(image: NDArray[np.uint8] | bytes, *, where: Path) -> tuple[str, byte
 
     Raises:
         RecordingError: pixels of another shape or type; bytes that are no JPEG or PNG or claim an impossible size.
+
+    >>> suffix, data = encoded(np.zeros((2, 3, 3), dtype=np.uint8), where=Path("colour"))
+    >>> suffix, size(data, where=Path("colour"))
+    ('.png', (3, 2))
     """
     if isinstance(image, bytes):
         size(image, where=where)
@@ -49,6 +53,11 @@ def size(data: bytes, *, where: Path) -> tuple[int, int]:
 
     Raises:
         RecordingError: it is neither, has no size, or claims an impossible one.
+
+    >>> size(b"GIF89a", where=Path("a.gif"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: a.gif: holds a colour image that is no whole JPEG or PNG; ...
     """
     claimed = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data) if data.startswith(_JPEG) else None
     if claimed is None:

@@ -64,6 +64,14 @@ def decode(data: bytes, *, width: int, height: int, where: Path) -> Readings:
 
     Raises:
         RecordingError: as ``read_readings``.
+
+    >>> _, file = cv2.imencode(".png", np.array([[0, 1000], [1001, 65535]], dtype=np.uint16))
+    >>> decode(file.tobytes(), width=2, height=2, where=Path("000000.png")).tolist()
+    [[0, 1000], [1001, 65535]]
+    >>> decode(file.tobytes()[:-20], width=2, height=2, where=Path("000000.png"))
+    Traceback (most recent call last):
+        ...
+    capture.errors.RecordingError: 000000.png: is truncated: the image's end is missing; ...
     """
     claimed = _claimed_size(data, where)
     if claimed != (width, height):
@@ -77,7 +85,15 @@ def decode(data: bytes, *, width: int, height: int, where: Path) -> Readings:
 
 
 def write_readings(path: Path, readings: Readings) -> None:
-    """Write readings (H, W) uint16 as a PNG that never stands half-written under its name."""
+    """Write readings (H, W) uint16 as a PNG that never stands half-written under its name.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "000000.png")
+    ...     write_readings(path, np.array([[0, 1000, 65535]], dtype=np.uint16))
+    ...     image_size(path), read_readings(path, width=3, height=1).tolist()
+    ((3, 1), [[0, 1000, 65535]])
+    """
     done, encoded = cv2.imencode(".png", readings)
     if not done:
         raise RecordingError("could not be encoded as PNG", where=path, remedy="give 16-bit readings")

@@ -47,6 +47,15 @@ def open_recording(path: Path | str) -> Recording:
 
     Raises:
         RecordingError: not a recording, written by a newer version, or anything in it missing or invalid.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from capture.recording import RecordingWriter, Sensor
+    >>> sensor = Sensor("left", Camera(4, 3, 5.0, 5.0, 2.0, 1.5))
+    >>> with TemporaryDirectory() as folder:
+    ...     with RecordingWriter(folder, sensors=[sensor], created_by="my own program") as writer:
+    ...         writer.add_frame("left", np.full((3, 4), 1.5), 0.0)  # metres
+    ...     [(sensor.name, len(sensor.frames)) for sensor in open_recording(folder).sensors]
+    [('left', 1)]
     """
     path = Path(path)
     header_file = path / HEADER_FILE
@@ -76,6 +85,15 @@ def read_depth(sensor: Sensor, frame: FrameFile) -> NDArray[np.float32]:
 
     Raises:
         RecordingError: the image is missing, truncated, damaged, not 16-bit grey, or not of the camera's size.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from capture.recording import FrameFile, Sensor
+    >>> sensor = Sensor("left", Camera(3, 1, 5.0, 5.0, 1.0, 0.0), depth_unit_m=0.001, depth_range_m=(0.4, 4.0))
+    >>> with TemporaryDirectory() as folder:
+    ...     frame = FrameFile(Path(folder, "000000.png"), 0.0)
+    ...     depth_png.write_readings(frame.path, np.array([[200, 1500, 4500]], dtype=np.uint16))
+    ...     read_depth(sensor, frame).astype(float).round(6).tolist()
+    [[0.0, 1.5, 0.0]]
     """
     camera = sensor.camera
     readings = depth_png.read_readings(frame.path, width=camera.width, height=camera.height)

@@ -164,6 +164,13 @@ def write_calibration_file(path: Path, calibration: Calibration) -> None:
 
     Raises:
         OutputError: something else than a calibration stands there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from capture.recording import SensorCalibration
+    >>> with TemporaryDirectory() as folder:
+    ...     write_calibration_file(Path(folder), Calibration({"left": SensorCalibration(np.eye(4), 0.8)}))
+    ...     json.loads(Path(folder, CALIBRATION_FILE).read_text())["sensors"]["left"]["residual_mm"]
+    0.8
     """
     refuse_foreign(path / CALIBRATION_FILE, json_of(CALIBRATION_FORMAT))
     sensors = {

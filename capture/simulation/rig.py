@@ -61,6 +61,10 @@ def default_rig(
 
     Raises:
         RecordingError: the points do not fit into the images from anywhere within the sensors' range.
+
+    >>> rig = default_rig(np.array([[-0.1, -0.3, -0.1], [0.1, 0.3, 0.1]]))
+    >>> [(sensor.name, round(float(np.linalg.norm(sensor.world_from_sensor[:3, 3])), 3)) for sensor in rig.sensors]
+    [('sensor1', 1.2), ('sensor2', 1.2)]
     """
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     azimuths = np.linspace(-0.5, 0.5, len(elevations_deg)) * spread_deg if len(elevations_deg) > 1 else [0.0]

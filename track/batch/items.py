@@ -61,6 +61,15 @@ def read_items(source: Path, *, anatomy: str | None = None) -> list[Item]:
 
     Raises:
         BatchError: nothing there, a column, a value or an anatomy's file is missing or wrong, or two items of one name.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> lines = [["recording", "anatomy", "near"], ["walk", "lower-limb-left", "0 0.5 1.8"]]
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder, "batch.csv")
+    ...     with table.open("w", newline="") as file:
+    ...         csv.writer(file).writerows(lines)
+    ...     [(item.name, item.anatomy, item.near) for item in read_items(table)]
+    [('walk', 'lower-limb-left', (0.0, 0.5, 1.8))]
     """
     if source.is_dir():
         found = sorted(path.parent.resolve() for path in source.glob(f"*/{_MARK}"))

@@ -78,6 +78,12 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
 
     Raises:
         OutputError: something else than such a table stands there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     write_table(Path(folder, TABLE), [Row("walk", frames=90, lost=2, residual_mm=1.5)])
+    ...     Path(folder, TABLE).read_text().splitlines()
+    ['name,frames,lost,residual_mm,hidden,used,warning,seconds,error', 'walk,90,2,1.5,,,,,']
     """
     with replaced_if_own(path, _MARK) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, _COLUMNS)

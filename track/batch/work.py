@@ -49,6 +49,13 @@ def run_item(item: Item, folder: Path, work: Work) -> Row:
 
     Raises:
         Exception: anything else that goes wrong; another trial may succeed.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> item = Item("walk", Path("recordings/walk"), "lower-limb-right")
+    >>> with TemporaryDirectory() as folder:
+    ...     done = run_item(item, Path(folder, "walk"), lambda item, folder: Row(item.name, frames=90))
+    ...     run_item(item, Path(folder, "walk"), lambda item, folder: Row("made again")) == done
+    True
     """
     begun = time.perf_counter()
     try:

@@ -20,6 +20,13 @@ def write_mot(path: Path, times: Floats, columns: Mapping[str, Floats]) -> None:
     """Write coordinates (T,) over time (s): rotations in degrees, translations in metres; NaN stays ``nan``.
 
     Coordinates that OpenSim counts as coupled, named ``..._beta``, are given and written in radians.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "angles.mot")
+    ...     write_mot(path, np.array([0.0, 0.1]), {"knee_angle_r": np.array([10.0, np.nan])})
+    ...     [row.split() for row in path.read_text().splitlines()[-3:]]
+    [['time', 'knee_angle_r'], ['0.00000000', '10.00000000'], ['0.10000000', 'nan']]
     """
     said = "Coupled coordinates (..._beta) are in radians, as OpenSim has them.\nRotations are in degrees"
     _write_coordinates(path, times, columns, "yes", said)
@@ -29,6 +36,13 @@ def write_mot_in_radians(path: Path, times: Floats, columns: Mapping[str, Floats
     """Write coordinates (T,) over time (s): all rotations in radians, translations in metres; NaN stays ``nan``.
 
     Readers do not agree on coupled coordinates in files of degrees; here they have nothing to convert.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "angles_rad.mot")
+    ...     write_mot_in_radians(path, np.array([0.0]), {"knee_angle_r": np.array([np.pi / 2.0])})
+    ...     [line.split() for line in path.read_text().splitlines() if line.startswith(("inDegrees", "0."))]
+    [['inDegrees=no'], ['0.00000000', '1.57079633']]
     """
     _write_coordinates(path, times, columns, "no", "Rotations are in radians")
 
@@ -48,6 +62,13 @@ def write_trc(path: Path, times: Floats, points: Mapping[str, Floats]) -> None:
 
     Not an empty cell: OpenSim's table reader then counts too few columns where a row ends in one and refuses the file,
     and nimblephysics passes over it, so that the markers after it stand under their neighbours' names.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "centres.trc")
+    ...     write_trc(path, np.array([0.0, 0.1]), {"knee": np.array([[0.1, 0.2, 0.3], [0.1, 0.2, np.nan]])})
+    ...     [line.split() for line in path.read_text().splitlines()[-2:]]
+    [['1', '0.000000', '100.00000', '200.00000', '300.00000'], ['2', '0.100000', '100.00000', '200.00000', 'nan']]
     """
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     names = "\t\t\t".join(points)

@@ -88,7 +88,13 @@ def landmark_markers(body: Body) -> dict[str, Marker]:
 
 
 def marker_paths(markers: Mapping[str, Marker], transforms: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Where markers are (T, 3) m when ``transforms`` (T, 4, 4), rest to pose, move their bones; NaN stays NaN."""
+    """Where markers are (T, 3) m when ``transforms`` (T, 4, 4), rest to pose, move their bones; NaN stays NaN.
+
+    >>> moved = np.eye(4)[None].repeat(2, axis=0)
+    >>> moved[1, :3, 3] = 0.0, 0.0, 0.5
+    >>> marker_paths({"wrist": Marker("radius", np.array([0.1, 0.2, 0.3]))}, {"radius": moved})["wrist"].tolist()
+    [[0.1, 0.2, 0.3], [0.1, 0.2, 0.8]]
+    """
     return {
         name: np.asarray(transforms[m.bone][:, :3, :3] @ m.position + transforms[m.bone][:, :3, 3])
         for name, m in markers.items()

@@ -19,7 +19,12 @@ def body_frames(body: Body) -> dict[str, Floats]:
 
 
 def coupled_coordinates(anatomy: Anatomy) -> dict[str, str]:
-    """The model's coordinates that only follow another: dependent name to independent name."""
+    """The model's coordinates that only follow another: dependent name to independent name.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> coupled_coordinates(load_anatomy("lower-limb-right"))  # the kneecap's follows the knee's
+    {'knee_angle_r_beta': 'knee_angle_r'}
+    """
     seen: set[str] = set()
     coupled: dict[str, str] = {}
     for joint in anatomy.joints:
@@ -29,7 +34,13 @@ def coupled_coordinates(anatomy: Anatomy) -> dict[str, str]:
 
 
 def joints_of_coordinates(anatomy: Anatomy) -> dict[str, str]:
-    """Every coordinate of the model, and the joint it belongs to."""
+    """Every coordinate of the model, and the joint it belongs to.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> joints = joints_of_coordinates(load_anatomy("lower-limb-right"))
+    >>> joints["knee_angle_r"], joints["knee_angle_r_beta"]
+    ('knee', 'patellofemoral')
+    """
     owner: dict[str, str] = {}
     for joint in anatomy.joints:
         own = JOINT_TYPES[joint.type].opensim_owners(joint)

@@ -21,12 +21,24 @@ def with_coupled(anatomy: Anatomy, columns: Mapping[str, Floats]) -> dict[str, F
 
     OpenSim converts only coordinates that turn in proportion, so its own files have coupled ones in radians even where
     they say ``inDegrees=yes``.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> columns = with_coupled(load_anatomy("lower-limb-right"), {"knee_angle_r": np.array([90.0])})
+    >>> {name: values.round(4).tolist() for name, values in columns.items()}
+    {'knee_angle_r': [90.0], 'knee_angle_r_beta': [1.5708]}
     """
     return {**columns, **{name: np.deg2rad(columns[of]) for name, of in coupled_coordinates(anatomy).items()}}
 
 
 def in_si_with_coupled(anatomy: Anatomy, columns: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Reported columns (T,) in radians and metres, with the model's coupled coordinates."""
+    """Reported columns (T,) in radians and metres, with the model's coupled coordinates.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> degrees = {"knee_angle_r": np.array([90.0]), "hip_tx": np.array([0.2])}
+    >>> in_si = in_si_with_coupled(load_anatomy("lower-limb-right"), degrees)
+    >>> {name: values.round(4).tolist() for name, values in in_si.items()}  # hip_tx is in metres already
+    {'knee_angle_r': [1.5708], 'hip_tx': [0.2], 'knee_angle_r_beta': [1.5708]}
+    """
     lengths = {coordinate.name for coordinate in anatomy.coordinates if coordinate.unit == "m"}
     in_si = {name: values if name in lengths else np.deg2rad(values) for name, values in columns.items()}
     return in_si | {name: in_si[of] for name, of in coupled_coordinates(anatomy).items()}

@@ -46,6 +46,12 @@ def write_csv(path: Path, table: Table) -> Path:
 
     Raises:
         OutputError: something stands there that is no table of these columns.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     table = {"frame": np.array([0, 1]), "knee_m": np.array([0.25, np.nan])}
+    ...     write_csv(Path(folder, "centres.csv"), table).read_text().splitlines()
+    ['frame,knee_m', '0,0.25000000', '1,nan']
     """
     with (
         replaced_if_own(path, table_of(list(table))) as partial,
