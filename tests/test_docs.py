@@ -105,25 +105,6 @@ def test_the_examples_in_docstrings_say_what_comes_out(module):
     assert ran.failed == 0
 
 
-LEFT_OUT = (ROOT / "adapt" / "template_builder", ROOT / "track" / "evaluation")
-"""Of these no wheel has anything."""
-
-
-def test_one_public_function_in_five_has_an_example():
-    """Of what is installed, at the modules' top level."""
-    functions = [
-        node
-        for package in PACKAGES
-        for path in (ROOT / package).rglob("*.py")
-        if not set(LEFT_OUT) & set(path.parents)
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
-    ]
-    having = [function for function in functions if ">>> " in (ast.get_docstring(function) or "")]
-    assert len(functions) > 500
-    assert 5 * len(having) >= len(functions)
-
-
 def test_every_link_and_picture_of_the_pages_exists():
     missing = []
     for page in [ROOT / "README.md", *DOCS.glob("*.md")]:
