@@ -31,7 +31,7 @@ from adapt.model.pose_space import moved_rigidly
 from adapt.model.surface import incidence, vertex_normals
 from adapt.subject import Subject
 from capture.calibration.calibrate import calibrate_recording
-from capture.cloud.fuse import fuse, region_of_interest
+from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.cloud.normals import radius_px
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.cloud.preprocess import clean_depth
@@ -49,6 +49,7 @@ from track.tracker import Tracker, make_tracker
 FRAME_TARGET_S = 0.033
 
 PLACEMENTS = 200
+_GATE_M = 0.02
 
 FIRST = "the first version (November 2026, an idle two-core machine, one thread)"
 FIRST_FUSE_S, FIRST_FRAME_S, FIRST_DEMO_S = 0.027, 0.067, 65.0
@@ -82,31 +83,22 @@ class Bench:
 
 def frame_timings(bench: Bench) -> list[Timing]:
     """The stages of tracking one frame, and the whole of it."""
-    body, sample, theta = bench.tracker.subject.body, bench.tracker.sample, bench.frame.theta
-    skin = pose_skin(body, theta)
-    normals = sample.normals(skin)
-    matches = match_pose(body, bench.target, theta, sample, gate_m=0.02)
-    chosen, weights = matches.vertex, sample.observations[matches.vertex]
-    varying = pose_skin_varying(body, theta, vertices=chosen)
-    fit = PoseFit(theta, matches, matches.distance)
     region = region_of_interest(bench.recording)
-    expected = predict(body.anatomy, bench.state, bench.moment.time_s)
-
-    def update() -> None:
-        cost = PoseEnergy(body, matches, weights, None)
-        moved = levenberg_marquardt(cost.quadratic, bench.state.theta, steps=1, energy=cost.value)
-        match_pose(body, bench.target, moved, sample, gate_m=0.02)
 
     def whole() -> None:
         target = Target(fuse(bench.recording, bench.moment, region=region))
         bench.tracker.follow(target, bench.moment.time_s, bench.state)
 
+    timings = [*_cloud_timings(bench, region), *_skin_timings(bench), *_pose_timings(bench)]
+    return [*timings, bench.time("whole frame, one thread: fuse, follow, judge", whole, first_s=FIRST_FRAME_S)]
+
+
+def _cloud_timings(bench: Bench, region: Region) -> list[Timing]:
+    """From files to a cloud."""
     view, points = bench.target.cloud.views[0], bench.target.cloud.points
     radius, focal = radius_px(view.camera), view.camera.fx
     pixels = np.stack(pixel_of(view, points[bench.target.cloud.sensor == 0])[:2], axis=1)
-    near, tree, grid = skin[chosen], cKDTree(points), PointGrid(points)
-    corner = (body.anatomy.skin_faces, incidence(body.anatomy.skin_faces, len(skin))[sample.vertices])
-    views, whole_skin, few = len(bench.moment.frames), len(skin), len(chosen)
+    views = len(bench.moment.frames)
     return [
         bench.time(f"read: {views} depth images", lambda: read(bench.recording, bench.moment)),
         bench.time(f"read and clean: {views} depth images", lambda: read_and_clean(bench.recording, bench.moment)),
@@ -120,13 +112,24 @@ def frame_timings(bench: Bench) -> list[Timing]:
             lambda: fuse(bench.recording, bench.moment, region=region),
             first_s=FIRST_FUSE_S,
         ),
+    ]
+
+
+def _skin_timings(bench: Bench) -> list[Timing]:
+    """The posed skin, its normals and the points nearest to it."""
+    body, sample, theta = bench.tracker.subject.body, bench.tracker.sample, bench.frame.theta
+    skin, points = pose_skin(body, theta), bench.target.cloud.points
+    chosen = match_pose(body, bench.target, theta, sample, gate_m=_GATE_M).vertex
+    near, tree, grid = skin[chosen], cKDTree(points), PointGrid(points)
+    corner = (body.anatomy.skin_faces, incidence(body.anatomy.skin_faces, len(skin))[sample.vertices])
+    return [
         bench.time(
-            f"pose_skin, {whole_skin} vertices",
+            f"pose_skin, {len(skin)} vertices",
             lambda: pose_skin(body, theta),
             twin=lambda: skin_of_blocks(body, theta, columns=0),
         ),
         bench.time(
-            f"pose_skin_varying, theta, {whole_skin} vertices",
+            f"pose_skin_varying, theta, {len(skin)} vertices",
             lambda: pose_skin_varying(body, theta),
             twin=lambda: skin_of_blocks(body, theta, columns=len(theta)),
         ),
@@ -136,8 +139,29 @@ def frame_timings(bench: Bench) -> list[Timing]:
             twin=lambda: vertex_normals(skin, *corner),
         ),
         bench.time(
-            f"nearest of {len(points)} points, {few} times", lambda: grid.query(near), twin=lambda: tree.query(near)
+            f"nearest of {len(points)} points, {len(chosen)} times",
+            lambda: grid.query(near),
+            twin=lambda: tree.query(near),
         ),
+    ]
+
+
+def _pose_timings(bench: Bench) -> list[Timing]:
+    """Matches, steps of the pose, and how it is judged."""
+    body, sample, theta = bench.tracker.subject.body, bench.tracker.sample, bench.frame.theta
+    skin = pose_skin(body, theta)
+    normals, matches = sample.normals(skin), match_pose(body, bench.target, theta, sample, gate_m=_GATE_M)
+    chosen, weights = matches.vertex, sample.observations[matches.vertex]
+    varying = pose_skin_varying(body, theta, vertices=chosen)
+    fit, few = PoseFit(theta, matches, matches.distance), len(chosen)
+    expected = predict(body.anatomy, bench.state, bench.moment.time_s)
+
+    def update() -> None:
+        cost = PoseEnergy(body, matches, weights, None)
+        moved = levenberg_marquardt(cost.quadratic, bench.state.theta, steps=1, energy=cost.value)
+        match_pose(body, bench.target, moved, sample, gate_m=_GATE_M)
+
+    return [
         bench.time(f"pose_skin_varying, theta, {few} matches", lambda: pose_skin_varying(body, theta, vertices=chosen)),
         bench.time(
             f"find_corres, {len(sample.vertices)} vertices",
@@ -149,7 +173,6 @@ def frame_timings(bench: Bench) -> list[Timing]:
         placements_timing(bench),
         bench.time("judge: find_skin", lambda: find_skin(body, bench.target, theta, sample)),
         bench.time("judge: pose_covariance", lambda: pose_covariance(bench.tracker.subject, fit, sample)),
-        bench.time("whole frame, one thread: fuse, follow, judge", whole, first_s=FIRST_FRAME_S),
     ]
 
 
