@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.correspondences import Target
-from adapt.fit.visibility import pixel_of
+from adapt.match.correspondences import Target
+from adapt.match.visibility import pixel_of
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.subject import Subject, load_subject, save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration

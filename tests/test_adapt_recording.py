@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import adapt.fit.candidates as finding
 import adapt.fit.recording as fitting
-from adapt.fit.candidates import Candidate, choose
+import adapt.search.candidates as finding
 from adapt.fit.recording import adapt_recording
-from adapt.fit.sample import sample_skin
-from adapt.fit.start import try_pose
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import pose_skin
 from adapt.model.size import resized
+from adapt.search.candidates import Candidate, choose
+from adapt.search.first_pose import try_pose
 from capture.errors import FitError
 from capture.recording import Instant
 from tests.known_limb import bent, exact_target

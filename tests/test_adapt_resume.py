@@ -8,11 +8,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-import adapt.fit.candidates as finding
 import adapt.fit.recording as fitting
-from adapt.fit.found import FoundPoses
-from adapt.fit.start import try_pose
+import adapt.search.candidates as finding
 from adapt.run import adapt_into, journal_path
+from adapt.search.first_pose import try_pose
+from adapt.search.search_journal import FoundPoses
 from adapt.subject import load_subject
 from capture.cloud.fuse import Region
 from capture.errors import FitError

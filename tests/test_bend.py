@@ -11,9 +11,9 @@ from adapt.anatomy import Anatomy, Deformer, Frame, Joint
 from adapt.anatomy_file import read_anatomy, save_anatomy
 from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
 from adapt.model.deformers.bend import Bend
+from adapt.model.derivatives import Motion, Points, constant_points, move, still_points
 from adapt.model.joints import joint_motion
 from adapt.model.kinematics import bone_motions
-from adapt.model.variation import Motion, Points, constant_points, move, still_points
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3
 from tests.finite_differences import check_jacobian

@@ -17,10 +17,10 @@ from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying, rest_theta
 from adapt.model.deformers import DEFORMER_TYPES, bind, bone_shares, carry
+from adapt.model.derivatives import Points, constant_points, still_points
 from adapt.model.joints import JOINT_TYPES
 from adapt.model.kinematics import bone_motions
 from adapt.model.pose_space import joint_index
-from adapt.model.variation import Points, constant_points, still_points
 from capture.errors import AnatomyError
 from tests.finite_differences import check_jacobian
 from tests.test_model import seeded

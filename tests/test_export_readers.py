@@ -28,7 +28,7 @@ from track.export.osim import landmark_markers, marker_paths
 from track.export.osim_motion import in_si_with_coupled
 from track.export.tables import motion_tables
 from track.motion import Motion, bones_and_centres, coordinate_names
-from track.shown import known_thetas
+from track.observed_bones import known_thetas
 
 LIMBS = ("upper-limb-right", "upper-limb-left", "lower-limb-right", "lower-limb-left")
 COUNT = 9

@@ -10,21 +10,21 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import GATE_M, Correspondences, Target, find_corres
 from adapt.fit.examples import choose_examples
 from adapt.fit.first_poses import read_first_poses
 from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
 from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
 from adapt.fit.priors import range_term
-from adapt.fit.sample import sample_skin
 from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
 from adapt.fit.skin import STIFFNESS, Factor, fit_skin
-from adapt.fit.visibility import visible_vertices
+from adapt.match.correspondences import GATE_M, Correspondences, Target, find_corres
+from adapt.match.skin_sample import sample_skin
+from adapt.match.visibility import visible_vertices
 from adapt.model.body import joint_centres, make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta
+from adapt.model.derivatives import Points
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.shape.prior import SIZE_SIGMA, shape_precision
 from adapt.model.surface import incidence, vertex_areas, vertex_normals
-from adapt.model.variation import Points
 from adapt.tissue import tissue_deviation, tissue_field
 from capture.cloud.fuse import Cloud
 from capture.errors import FitError

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
 from adapt.fit.pose import GaussianPose
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from capture.calibration.calibrate import calibrate_recording
 from capture.cloud.fuse import fuse
 from capture.recording import instants, open_recording

@@ -14,15 +14,15 @@ from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
 from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
-from adapt.model.hot.chain import move_bones
-from adapt.model.hot.prepared import prepare_chain
+from adapt.model.compiled.chain import move_bones
+from adapt.model.compiled.prepared import prepare_chain
+from adapt.model.derivatives import Motion, constant_points
 from adapt.model.joints import JOINT_TYPES, joint_motion
 from adapt.model.joints.opensim import OsimJoint, TransformAxis
 from adapt.model.kinematics import bone_motions
 from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import joint_index, reported_coordinates
 from adapt.model.shape.handle_space import affine_set
-from adapt.model.variation import Motion, constant_points
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, inverse, transform
 from tests.test_model import check_motion, seeded

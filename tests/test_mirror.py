@@ -9,10 +9,10 @@ import pytest
 
 from adapt.anatomy import anatomy_arrays
 from adapt.anatomy_file import load_anatomy, save_anatomy
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import sample_skin
 from adapt.fit.shape import fit_shape
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.mirror import mirrored, mirrored_name, mirrored_points
 from adapt.model.body import (
     Body,

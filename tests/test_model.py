@@ -23,12 +23,12 @@ from adapt.model.body import (
     rest_theta,
 )
 from adapt.model.deformers import bind, carry
+from adapt.model.derivatives import Motion, Points, compose, constant_points, invert, move, still_points
 from adapt.model.frames import frame_from_landmarks
 from adapt.model.handles import d_deform_d_shape, deform, handle_positions, local_scale
 from adapt.model.joints import joint_motion
 from adapt.model.kinematics import bone_motions
 from adapt.model.shape.handle_space import affine_set
-from adapt.model.variation import Motion, Points, compose, constant_points, invert, move, still_points
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, left_jacobian_so3, log_so3
 from tests.finite_differences import check_jacobian

@@ -7,10 +7,10 @@ import pytest
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target
 from adapt.fit.never_seen import ends, guessed_lengths, never_seen, without
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import Body, joint_centres, make_body
 from adapt.subject import Subject
 from tests.known_limb import bent, exact_cloud

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise, trusted
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Correspondences
+from adapt.match.skin_sample import sample_skin
 
 
 def matches_with(arm, distances) -> Correspondences:

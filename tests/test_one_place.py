@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PROJECTS, SEES = "capture/projection.py", "adapt/fit/visibility.py"
+PROJECTS, SEES = "capture/projection.py", "adapt/match/visibility.py"
 
 # ``capture`` is not asked: it knows of no skin, only of how squarely a sensor looked at a surface that it measured.
 SEE_SKIN = ("adapt", "track", "docs/figures")

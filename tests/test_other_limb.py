@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.fit.correspondences import Target
-from adapt.fit.other_limb import other_limb, refuse_two_limbs
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.mirror import mirrored_body
 from adapt.model.body import pose_skin
+from adapt.search.other_limb import other_limb, refuse_two_limbs
 from capture.errors import CloudError, FitError
 from capture.recording import instants
 from tests.known_limb import bent, exact_cloud

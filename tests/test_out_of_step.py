@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from tests.known_limb import bent, exact_target
 from track.out_of_step import in_step, late_lever
 from track.tracker import make_tracker

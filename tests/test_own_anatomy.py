@@ -14,10 +14,10 @@ from adapt import own_anatomy
 from adapt.anatomy import Anatomy, Coordinate
 from adapt.anatomy_check import refuse_unsound
 from adapt.anatomy_file import anatomy_names, load_anatomy, save_anatomy
-from adapt.fit.rival_side import SideEvidence, refuse_the_other_side
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, rest_theta
 from adapt.own_anatomy import KEY, content, is_comparable, is_shipped, kept_anatomy, other_side_asked
+from adapt.search.rival_side import SideEvidence, refuse_the_other_side
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import AnatomyError, FitError
 from capture.files import read_arrays

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from adapt.anatomy_file import load_anatomy
-from adapt.fit import one_leg
-from adapt.fit.candidates import Candidate
-from adapt.fit.correspondences import Target
-from adapt.fit.one_leg import on_one_leg
-from adapt.fit.other_limb import on_its_side
-from adapt.fit.own_side import is_nearer_to, keeps_to_its_side, lies_on_its_side
-from adapt.fit.sample import sample_skin
-from adapt.fit.start import try_pose
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.mirror import mirrored_body
 from adapt.model.body import make_body, pose_skin, rest_theta
+from adapt.search import one_leg
+from adapt.search.candidates import Candidate
+from adapt.search.first_pose import try_pose
+from adapt.search.one_leg import on_one_leg
+from adapt.search.other_limb import on_its_side
+from adapt.search.own_side import is_nearer_to, keeps_to_its_side, lies_on_its_side
 from capture.recording import Instant
 from tests.known_limb import exact_cloud
 

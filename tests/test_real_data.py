@@ -7,9 +7,9 @@ import pytest
 
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.correspondences import Target
-from adapt.fit.start import find_pose
+from adapt.match.correspondences import Target
 from adapt.model.body import joint_centres, make_body
+from adapt.search.first_pose import find_pose
 from capture.camera import Camera
 from capture.cloud.fuse import fuse
 from capture.importers import import_images, natural_order, source_files

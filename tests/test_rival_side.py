@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.fit.correspondences import Target
 from adapt.fit.recording import adapt_recording
-from adapt.fit.rival_side import (
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
+from adapt.mirror import mirrored, mirrored_body
+from adapt.model.body import make_body, pose_skin
+from adapt.model.size import resized
+from adapt.search.rival_side import (
     TOLD,
     SideEvidence,
     _pose_of_other,
@@ -18,10 +22,6 @@ from adapt.fit.rival_side import (
     refuse_neither_side,
     refuse_the_other_side,
 )
-from adapt.fit.sample import sample_skin
-from adapt.mirror import mirrored, mirrored_body
-from adapt.model.body import make_body, pose_skin
-from adapt.model.size import resized
 from adapt.subject import doubts
 from capture.errors import FitError
 

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import adapt.fit.overall_size as overall_size_module
+import adapt.search.overall_size as overall_size_module
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
-from adapt.fit.sample import sample_skin
-from adapt.fit.start import locate, try_pose
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import joint_centres, make_body
 from adapt.model.shape.prior import overall_size
 from adapt.model.size import resized
+from adapt.search.first_pose import locate, try_pose
+from adapt.search.overall_size import SizedPose, settle_size
 from capture.errors import FitError
 from tests.known_limb import bent, exact_target
 from track.evaluation.random_bodies import random_body

@@ -11,13 +11,13 @@ import pytest
 
 from adapt.anatomy import Anatomy, Floats, Frame, Joint
 from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
-from adapt.fit.start import variations
 from adapt.model.body import bone_frames, bone_transforms, joint_centres, make_body, pose_skin_varying, rest_theta
+from adapt.model.derivatives import Motion, constant_points
 from adapt.model.joints import joint_motion
 from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import reported_coordinates
 from adapt.model.shape.handle_space import affine_set
-from adapt.model.variation import Motion, constant_points
+from adapt.search.first_pose import variations
 from adapt.template_builder.checks import motions
 from adapt.template_builder.coupled_joint import CoupledJoint, Guides, child_in_parent, simm_spline, spline_joint
 from adapt.template_builder.joint_accuracy import compare_with_table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Anatomy
-from adapt.fit.sample import sample_skin, weighted_by_tissue
+from adapt.match.skin_sample import sample_skin, weighted_by_tissue
 from adapt.tissue import DEEP_M, RANGE_M, SHARE, tissue_depth, tissue_deviation, tissue_field
 from track.evaluation.random_bodies import soft_tissue
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import track.tracker
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
 from adapt.fit.posterior import pose_covariance
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import joint_centres
 from adapt.model.pose_space import advance, pose_difference
 from adapt.model.size import resized

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.fit.pose import fit_pose
 from adapt.fit.posterior import pose_covariance
-from adapt.fit.sample import sample_skin
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import joint_centres, pose_skin, posed_bones, rest_theta
 from adapt.model.pose_space import reported_coordinates
 from adapt.subject import load_subject, save_subject
@@ -27,8 +27,8 @@ from track.export.osim import landmark_markers
 from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.motion_summary import print_motion
+from track.observed_bones import skin_shown
 from track.run import write_motion_folder
-from track.shown import skin_shown
 from track.simulation.motion_table import read_motion_table
 from track.simulation.performance import PerformanceError
 from track.view.charts import plot_angles

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Floats
-from adapt.fit.visibility import (
+from adapt.match.visibility import (
     Bools,
     face_the_sensors,
     is_on_outline,

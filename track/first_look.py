@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.fit.correspondences import Target
-from adapt.fit.other_limb import limbs_that_could_be_meant
+from adapt.match.correspondences import Target
+from adapt.search.other_limb import limbs_that_could_be_meant
 from capture.errors import CloudError
 from capture.recording import Instant
 from track.motion import MotionError

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import GaussianPose, fit_pose
-from adapt.fit.score import ScoredPose, score_pose
-from adapt.fit.start import variations
+from adapt.match.correspondences import Target
+from adapt.search.first_pose import variations
+from adapt.search.pose_score import ScoredPose, score_pose
 from capture.cloud.fuse import Region, region_of_interest
 from capture.errors import CloudError, FitError
 from capture.recording import Instant, Recording

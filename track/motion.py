@@ -20,8 +20,8 @@ from adapt.subject import Subject
 from capture.errors import BonetrackError
 from capture.files import UNREADABLE, read_arrays, unreadable
 from capture.own import arrays_of, replaced_if_own
+from track.observed_bones import Bools, centres_known
 from track.settings import Settings
-from track.shown import Bools, centres_known
 
 FORMAT = "bonetrack-motion"
 MARK = arrays_of(FORMAT)
@@ -39,9 +39,10 @@ class Motion:
 
     A frame whose ``lost`` text is not empty was not tracked, for that reason: its pose is NaN. Of a frame that was
     tracked ``thetas`` are whole, so that they pose a body; where a bone at either end of a joint does not show they are
-    guesses, and the deviations say so (``track.shown.known_thetas`` leaves guesses out). Transforms and centres that
-    are not known are NaN. ``how`` says of tracked frames how their pose was come by (``track.tracked_frame.FOLLOWED``
-    and so on), ``settings`` with what it was tracked; motions written before that was kept have none.
+    guesses, and the deviations say so (``track.observed_bones.known_thetas`` leaves guesses out). Transforms and
+    centres that are not known are NaN. ``how`` says of tracked frames how their pose was come by
+    (``track.tracked_frame.FOLLOWED`` and so on), ``settings`` with what it was tracked; motions written before that was
+    kept have none.
     """
 
     anatomy: str

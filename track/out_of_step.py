@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Correspondences, Target
 from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, data_term
 from adapt.fit.pose import PoseFit
-from adapt.fit.sample import SkinSample
+from adapt.match.correspondences import Correspondences, Target
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, pose_skin_varying
 from adapt.model.pose_space import advance, pose_difference
 

@@ -2,7 +2,7 @@
 
 Each finished frame is a line of ``MOTION/frames.jsonl``. The same command reads it back, drops an incomplete
 last line, and goes on from there; the final files replace it at the end. After the last frame the gaps are gone into
-backward (``track.backward``); those lines tell the anchor that tracking went back from.
+backward (``track.backward_pass``); those lines tell the anchor that tracking went back from.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
+from adapt.match.correspondences import Target
 from adapt.model.pose_space import reported_coordinates, root_coordinates
 from adapt.subject import Subject
 from capture.cloud.fuse import Region, fuse, region_of_interest
@@ -27,19 +27,19 @@ from capture.journal import MARK as JOURNAL_MARK
 from capture.journal import Journal, journal_key, resume_journal
 from capture.own import refuse_any_foreign
 from capture.recording import Instant, Recording, instants, refuse_useless_depth
-from track.ahead import one_ahead
 from track.angles import refuse_without_humerus, thoraco_humeral
-from track.backward import anchors, go_back
+from track.backward_pass import anchors, go_back
 from track.belonging import subject_fingerprint
 from track.export.opensim_tables import MOT, TRC, write_mot, write_trc
 from track.export.osim_motion import with_coupled
 from track.export.quality_table import QUALITY, write_quality
 from track.first_look import refuse_a_stranger, refuse_two_limbs
 from track.motion import MARK, Motion, MotionError, bones_and_centres, coordinate_names, save_motion
+from track.observed_bones import known_thetas
 from track.out_of_step import in_step
 from track.poses_by_hand import HandPose
+from track.prefetch import one_ahead
 from track.settings import Settings, settings_of
-from track.shown import known_thetas
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from track.shown import Bools
+from track.observed_bones import Bools
 
 FORGOTTEN_S = 0.5  # a limb lost for longer is searched for anew, once in this time
 
@@ -42,8 +42,9 @@ class TrackerState:
 
     ``shown`` are the bones that showed then; ``known_s`` says when each coordinate was last known (-inf: never),
     ``searched_s`` when the limb was last searched, ``wait_s`` how long to wait before what was not found is searched
-    again, ``look`` how the cloud looked when the whole limb was searched in vain (``track.search``), ``taken_up_s``
-    when the limb was taken up from a forgotten pose, inf once that has been compared with what a search finds.
+    again, ``look`` how the cloud looked when the whole limb was searched in vain (``track.cloud_change``),
+    ``taken_up_s`` when the limb was taken up from a forgotten pose, inf once that has been compared with what a search
+    finds.
     """
 
     time_s: float

@@ -1,8 +1,8 @@
 """Tracking (paper, section 3.4): algorithm 1 on every frame, from the last pose, with a motion prior.
 
-A frame is lost, and says why, when the skin in sight is not found where the pose says, or when no bone shows. Its
-pose is never made up; the next frame starts from the last pose that was tracked, with a prior that has loosened
-meanwhile. In a frame that is tracked, bones may be out of sight (``track.shown``): the prior keeps what only they tell,
+A frame is lost, and says why, when the skin in sight is not found where the pose says, or when no bone shows. Its pose
+is never made up; the next frame starts from the last pose that was tracked, with a prior that has loosened meanwhile.
+In a frame that is tracked, bones may be out of sight (``track.observed_bones``): the prior keeps what only they tell,
 and its standard deviation grows.
 """
 
@@ -14,25 +14,25 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit import judge
-from adapt.fit.correspondences import Target
 from adapt.fit.follow import follow_pose
 from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
 from adapt.fit.never_seen import skin_of, without
-from adapt.fit.other_limb import on_its_side
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
 from adapt.fit.posterior import pose_covariance
-from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import score_pose
-from adapt.fit.start import CLEARLY_M, GOOD_M, locate, try_pose
-from adapt.fit.untold import towards_rest
+from adapt.fit.unobserved import towards_rest
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample, sample_skin
 from adapt.model.body import Body
 from adapt.model.pose_space import pose_difference, root_joint
+from adapt.search.first_pose import CLEARLY_M, GOOD_M, locate, try_pose
+from adapt.search.other_limb import on_its_side
+from adapt.search.pose_score import score_pose
 from adapt.subject import Subject, as_adapted
 from capture.errors import FitError
+from track.cloud_change import look_of, looks_changed
+from track.observed_bones import bones_shown, coordinates_known, coordinates_seen
 from track.out_of_step import late_lever
 from track.prediction import predict, unsure_where_unknown
-from track.search import look_of, looks_changed
-from track.shown import bones_shown, coordinates_known, coordinates_seen
 from track.tracked_frame import BY_HAND, FORGOTTEN_S, FOUND, TrackedFrame, TrackerState, lost_frame
 
 SAMPLED_VERTICES = 2000

@@ -1,6 +1,7 @@
 """Fitting a subject (paper, section 3.3).
 
-``correspondences`` finds targets in the clouds; ``pose`` is algorithm 1, ``shape`` algorithm 2, ``skin``
-algorithm 3; ``adapt`` alternates them (algorithm 4); ``start`` finds first poses and a first size, ``examples``
-chooses which poses to adapt to.
+``pose`` is algorithm 1, ``shape`` algorithm 2, ``skin`` algorithm 3; ``alternate`` alternates them (algorithm 4),
+``examples`` chooses which poses to adapt to, ``recording`` does all of it for a recording. ``judge`` decides whether a
+fit is believed, ``posterior`` how sure it is. Targets in the clouds come from ``adapt.match``, first poses from
+``adapt.search``.
 """

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from adapt.anatomy import Anatomy
 from adapt.fit.pose import PoseFit
 from adapt.fit.posterior import shape_information
-from adapt.fit.sample import SkinSample
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body
 from adapt.model.shape.prior import shape_precision
 

@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
 from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.pose import GaussianPose, PoseEnergy, PoseFit, fit_pose, match_pose
-from adapt.fit.sample import SkinSample
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, pose_skin
 
 _REACH_M = 0.08  # a toe at 30 frames a second turns round by less

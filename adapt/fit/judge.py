@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
-from adapt.fit.nearest import PointGrid
 from adapt.fit.pose import PoseFit
-from adapt.fit.sample import SkinSample
-from adapt.fit.score import FoundPart, FoundSkin, find_skin
+from adapt.match.correspondences import Target
+from adapt.match.point_grid import PointGrid
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, pose_skin
+from adapt.search.pose_score import FoundPart, FoundSkin, find_skin
 
 LEAST_IN_SIGHT = 0.1  # of a bone's skin; a limb seen from one side shows some 0.4 of it, one that points at it 0.15
 EXPLAINED_M = 0.03  # a point of the cloud this near to skin is explained by it

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Correspondences
-from adapt.model.variation import Points, mere_points
+from adapt.match.correspondences import Correspondences
+from adapt.model.derivatives import Points, mere_points
 from capture.compiled import compiled_sums
 
 SEARCH_PLANE_WEIGHT = 10.0  # point-to-plane against point-to-point, as in the paper: forgiving from far away,

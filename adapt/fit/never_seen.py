@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.correspondences import Target
-from adapt.fit.sample import SkinSample
-from adapt.fit.score import find_skin, skin_found
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body
+from adapt.search.pose_score import find_skin, skin_found
 
 _IN_SIGHT, _FOUND = 0.1, 0.55  # of a bone's skin, and of that; a lost hand, folded onto the stump, is found to half
 _RIDES = 0.02  # skin of which this share rides on a bone that nobody saw cannot be placed
@@ -78,7 +78,7 @@ def without(sample: SkinSample, skin: Bools) -> SkinSample:
     """The sample without some of the skin (V,).
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.fit.sample import sample_skin
+    >>> from adapt.match.skin_sample import sample_skin
     >>> from adapt.model.body import make_body
     >>> body = make_body(load_anatomy("upper-limb-right"))
     >>> sample = sample_skin(body.anatomy)

@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import PATCH_M2, SIGMA_M
-from adapt.fit.sample import SkinSample
+from adapt.match.correspondences import Correspondences
+from adapt.match.skin_sample import SkinSample
 
 _WIDER = 2.0  # a sensor's noise hangs together over more than a patch: it counts as much as in patches so much wider
 LEAST_M, _MOST_M = 0.00075, 0.004  # below and beyond these an estimate is not believed
@@ -48,7 +48,7 @@ def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[f
     went astray does not decide.
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.fit.sample import sample_skin
+    >>> from adapt.match.skin_sample import sample_skin
     >>> arm = load_anatomy("upper-limb-right")
     >>> apart = np.full((2, len(arm.skin_vertices)), np.nan)
     >>> patch_misfit(arm, apart, sample_skin(arm))
@@ -95,7 +95,7 @@ def trusted(sample: SkinSample, noise_m: float) -> SkinSample:
     """The sample, each observation counted as one of standard deviation ``noise_m`` instead of SIGMA_M.
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.fit.sample import sample_skin
+    >>> from adapt.match.skin_sample import sample_skin
     >>> sample = sample_skin(load_anatomy("upper-limb-right"), at_most=10)
     >>> doubtful = trusted(sample, 2.0 * SIGMA_M)
     >>> round(float(sample.observations.sum() / doubtful.observations.sum()), 6)

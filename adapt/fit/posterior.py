@@ -26,13 +26,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Correspondences, Target
 from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, SIGMA_M, data_term
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose
-from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
+from adapt.match.correspondences import Correspondences, Target
+from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body, pose_skin_varying
 from adapt.model.handles import local_scale
 from adapt.subject import Subject

@@ -13,7 +13,15 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import Adaptation, Progress, adapt_body
-from adapt.fit.candidates import (
+from adapt.fit.examples import landmarks_shown
+from adapt.fit.judge import ADAPTED, judge_fit
+from adapt.fit.never_seen import NeverSeen, never_seen, without
+from adapt.fit.plausible_sizes import refuse_what_nobody_is
+from adapt.fit.pose import PoseFit
+from adapt.match.skin_sample import SkinSample, sample_skin
+from adapt.model.body import Body, make_body
+from adapt.model.shape.prior import overall_size
+from adapt.search.candidates import (
     FEWEST_POSES,
     Candidate,
     choose,
@@ -22,19 +30,11 @@ from adapt.fit.candidates import (
     pose_candidates,
     told_of,
 )
-from adapt.fit.examples import landmarks_shown
-from adapt.fit.found import FoundPoses
-from adapt.fit.judge import ADAPTED, judge_fit
-from adapt.fit.never_seen import NeverSeen, never_seen, without
-from adapt.fit.one_leg import on_one_leg
-from adapt.fit.other_limb import refuse_two_limbs
-from adapt.fit.own_side import keeps_to_its_side
-from adapt.fit.plausible_sizes import refuse_what_nobody_is
-from adapt.fit.pose import PoseFit
-from adapt.fit.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
-from adapt.fit.sample import SkinSample, sample_skin
-from adapt.model.body import Body, make_body
-from adapt.model.shape.prior import overall_size
+from adapt.search.one_leg import on_one_leg
+from adapt.search.other_limb import refuse_two_limbs
+from adapt.search.own_side import keeps_to_its_side
+from adapt.search.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
+from adapt.search.search_journal import FoundPoses
 from adapt.subject import Subject
 from capture.cloud.fuse import Region
 from capture.errors import FitError

@@ -15,7 +15,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.fit.correspondences import GATE_M, Correspondences, Target
 from adapt.fit.least_squares import (
     PLANE_WEIGHT,
     Quadratic,
@@ -26,7 +25,8 @@ from adapt.fit.least_squares import (
 )
 from adapt.fit.pose import match_pose, next_gate
 from adapt.fit.priors import range_term
-from adapt.fit.sample import SkinSample
+from adapt.match.correspondences import GATE_M, Correspondences, Target
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin, shaped_skin
 from adapt.model.pose_space import wrap
 from adapt.model.shape.prior import shape_precision

@@ -20,9 +20,9 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.correspondences import Correspondences
 from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
-from adapt.fit.sample import SkinSample
+from adapt.match.correspondences import Correspondences
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin_by_v_hat
 from adapt.tissue import tissue_deviation, tissue_field
 from capture.errors import FitError

@@ -12,19 +12,19 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
+from adapt.model.compiled.chain import Chain
+from adapt.model.compiled.prepared import prepare_chain, prepare_skin, prepare_varying_skin
+from adapt.model.compiled.shaped_skin import Varying, pose_varying_rows
+from adapt.model.compiled.skin import BoundSkin, pose_rows
 from adapt.model.deformers import bind, bone_shares
 from adapt.model.deformers.deformer_type import Bound
+from adapt.model.derivatives import Motion, Points, constant_points, still_points
 from adapt.model.frames import frame_from_landmarks, landmark_mean
 from adapt.model.handles import d_deform_d_shape, deform, deform_varying, handle_positions, local_scale
-from adapt.model.hot.chain import Chain
-from adapt.model.hot.prepared import prepare_chain, prepare_skin, prepare_varying_skin
-from adapt.model.hot.shaped_skin import Varying, pose_varying_rows
-from adapt.model.hot.skin import BoundSkin, pose_rows
 from adapt.model.kinematics import bone_motions
 from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import rest_pose
 from adapt.model.shape.handle_space import AffineSet, affine_set
-from adapt.model.variation import Motion, Points, constant_points, still_points
 from capture.errors import AnatomyError
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
-from adapt.model.variation import Line, Motion, Points
+from adapt.model.derivatives import Line, Motion, Points
 from capture.rigid import hat
 
 
@@ -42,7 +42,7 @@ def varying_line(anatomy: Anatomy, axis: tuple[str, str], p: Points) -> Line:
     """The same of landmarks that vary.
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.model.variation import constant_points
+    >>> from adapt.model.derivatives import constant_points
     >>> arm = load_anatomy("upper-limb-right")
     >>> varying_line(arm, ("EM", "EL"), constant_points(arm.landmarks, 5)).d_direction.shape
     (3, 5)
@@ -58,7 +58,7 @@ def frame_from_landmarks(anatomy: Anatomy, frame: Frame, p: Points) -> Motion:
     With u = y_to - y_from and w = z_to - z_from:  y = u / |u|,  z = (w - (w.y) y) / |...|,  x = y x z.
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.model.variation import constant_points
+    >>> from adapt.model.derivatives import constant_points
     >>> arm = load_anatomy("upper-limb-right")
     >>> p = constant_points(arm.landmarks, 1)
     >>> frame = frame_from_landmarks(arm, arm.bone("humerus").frame, p)

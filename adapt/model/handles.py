@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.model.variation import Points
+from adapt.model.derivatives import Points
 
 
 def handle_positions(anatomy: Anatomy) -> Floats:

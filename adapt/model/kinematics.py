@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.model.derivatives import Motion, Points, compose
 from adapt.model.joints import joint_motion
-from adapt.model.variation import Motion, Points, compose
 
 
 def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: int = 0) -> dict[str, Motion]:
@@ -15,7 +15,7 @@ def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: in
 
     >>> import numpy as np
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.model.variation import constant_points
+    >>> from adapt.model.derivatives import constant_points
     >>> arm = load_anatomy("upper-limb-right")
     >>> theta = np.array([coordinate.rest for coordinate in arm.coordinates])
     >>> p = constant_points(arm.landmarks, len(theta))  # columns of theta, none of the shape

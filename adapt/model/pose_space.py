@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.derivatives import Points
 from adapt.model.joints import JOINT_TYPES
-from adapt.model.variation import Points
 from capture.rigid import apply, exp_so3, log_so3
 
 
@@ -85,7 +85,7 @@ def rest_pose(anatomy: Anatomy, p: Points) -> Floats:
     """The pose (n,) in which a body with landmarks p stands as its rest skin.
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.model.variation import constant_points
+    >>> from adapt.model.derivatives import constant_points
     >>> arm = load_anatomy("upper-limb-right")
     >>> theta = rest_pose(arm, constant_points(arm.landmarks, 1))
     >>> round(float(np.rad2deg(theta[arm.coordinate_index("elbow_flexion")])), 1)

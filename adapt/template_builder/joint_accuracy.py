@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import orthogonal_procrustes
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.derivatives import constant_points
 from adapt.model.joints import joint_motion
-from adapt.model.variation import constant_points
 from adapt.template_builder.coupled_joint import CoupledJoint, Guides, child_in_parent
 from capture.rigid import apply, rotation_angle, transform
 

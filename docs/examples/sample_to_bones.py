@@ -21,8 +21,8 @@ from adapt.subject import load_subject, save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.recording import open_recording
 from track.export.gltf import write_gltf
+from track.observed_bones import known_thetas
 from track.run import track_recording
-from track.shown import known_thetas
 
 
 def main(source: Path, out: Path) -> None:

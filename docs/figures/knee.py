@@ -21,8 +21,8 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Bone, Coordinate, Frame
 from adapt.anatomy_file import load_anatomy
+from adapt.model.derivatives import constant_points
 from adapt.model.joints import joint_motion
-from adapt.model.variation import constant_points
 from adapt.template_builder.coupled_joint import CoupledJoint, Guides, child_in_parent, joint_frames, spline_joint
 from adapt.template_builder.joint_accuracy import Comparison, compare_with_table, rest_from_table
 from adapt.template_builder.knee import KNEE_KNOTS, PATELLA_KNOTS, PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE

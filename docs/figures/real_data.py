@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
-from adapt.fit.sample import sample_skin
-from adapt.fit.visibility import visible_vertices
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
+from adapt.match.visibility import visible_vertices
 from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.subject import load_subject
 from capture._open3d import open3d
@@ -33,7 +33,7 @@ from capture.recording import instants, open_recording
 from capture.rigid import apply, inverse
 from track.cli import bonetrack
 from track.motion import load_motion
-from track.shown import Bools, skin_shown
+from track.observed_bones import Bools, skin_shown
 from track.view.pictures import body_layers
 from track.view.render import framing_camera, look_at, render, save_png
 

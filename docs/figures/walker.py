@@ -31,7 +31,7 @@ from capture.projection import project
 from capture.recording import instants, open_recording
 from track.cli import bonetrack
 from track.motion import load_motion
-from track.shown import known_thetas
+from track.observed_bones import known_thetas
 
 IMPORTING = "--fx 570 --fps 30"
 ALONE = {"right": (-0.19, -0.6, 0.6, 0.015, 0.24, 1.7), "left": (0.005, -0.6, 0.6, 0.19, 0.24, 1.7)}

@@ -16,7 +16,7 @@ from capture.commands.region_options import as_region
 from capture.projection import project
 from capture.recording import Recording, instants
 from capture.rigid import apply, inverse
-from track.shown import skin_shown
+from track.observed_bones import skin_shown
 from track.view.pictures import body_layers
 from track.view.render import Layer, framing_camera, look_at, render, save_png
 

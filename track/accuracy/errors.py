@@ -22,7 +22,7 @@ from capture.recording import Recording
 from track.accuracy.frame_errors import frame_errors
 from track.accuracy.truth import read_truth, world_from_common
 from track.motion import Motion, MotionError
-from track.shown import Bools, centres_known, coordinates_known
+from track.observed_bones import Bools, centres_known, coordinates_known
 
 _NEAREST_S = 1e-3
 
@@ -104,7 +104,7 @@ def evaluate_motion(motion: Motion, subject: Subject, recording: Recording) -> E
 
     Kinds of error: joint centres (mm), coordinates (deg, absolute), the root bone's orientation (deg), bone
     surfaces (mm, distance of tracked points to the true surface), bone points (mm, the same anatomical point),
-    skin (mm, distance to the true skin). What the motion does not know is not scored (``track.shown``).
+    skin (mm, distance to the true skin). What the motion does not know is not scored (``track.observed_bones``).
 
     Raises:
         MotionError: no truth, other anatomies, or no frame at a time of the truth.

@@ -9,7 +9,7 @@ from adapt.model.body import Body, bone_frames, joint_centres, pose_skin, posed_
 from adapt.model.pose_space import joint_coordinates, root_joint
 from capture.rigid import apply, log_so3
 from track.accuracy.mesh_distance import distance_to_mesh
-from track.shown import Bools, skin_shown
+from track.observed_bones import Bools, skin_shown
 
 _SURFACE_POINTS = 600  # of each surface, whose distance to the true surface is measured
 

@@ -27,7 +27,7 @@ from capture.recording import Recording, open_recording
 from capture.rigid import inverse
 from track.accuracy.truth import read_truth, world_from_common
 from track.motion import Motion, MotionError, load_motion
-from track.shown import coordinates_known
+from track.observed_bones import coordinates_known
 
 WITHIN = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 _DRAWS = 2000

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Target
+from adapt.match.correspondences import Target
 from adapt.model.body import Body, joint_centres
 from adapt.model.pose_space import moved_rigidly
 from capture.calibration.calibrate import calibrate_recording, write_calibration

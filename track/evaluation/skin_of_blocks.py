@@ -10,9 +10,9 @@ from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.body import Body
 from adapt.model.deformers import bind, carry
 from adapt.model.deformers.deformer_type import Bound
+from adapt.model.derivatives import Motion, Points, constant_points
 from adapt.model.handles import local_scale
 from adapt.model.kinematics import bone_motions
-from adapt.model.variation import Motion, Points, constant_points
 
 
 def skin_of_blocks(body: Body, theta: Floats, *, columns: int) -> Points:

@@ -20,7 +20,7 @@ from track.export.osim import landmark_markers, marker_paths, osim_files, write_
 from track.export.osim_motion import STATES, in_si_with_coupled, with_coupled, write_states
 from track.export.tables import PARQUET, motion_tables, write_csv, write_parquet
 from track.motion import Motion, MotionError
-from track.shown import known_thetas, skin_shown
+from track.observed_bones import known_thetas, skin_shown
 
 
 def export_subject(subject: Subject, out: Path) -> list[Path]:

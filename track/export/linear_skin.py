@@ -22,7 +22,7 @@ from adapt.anatomy import Deformer, Floats, Ints
 from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest_theta
 from adapt.model.deformers import DEFORMER_TYPES, Bound, DeformerType, bone_shares
 from adapt.model.deformers.between import blended_frames
-from adapt.model.variation import Motion, compose
+from adapt.model.derivatives import Motion, compose
 
 STEPS = 8
 """Pieces that a deformer's turn is cut into: of a turn by 160 degrees, each blends linearly over 20."""

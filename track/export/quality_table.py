@@ -11,7 +11,7 @@ import numpy as np
 from adapt.anatomy import Anatomy
 from capture.own import Mark, replaced_if_own
 from track.motion import Motion
-from track.shown import coordinates_known
+from track.observed_bones import coordinates_known
 
 _FIRST, _LAST = ("time_s", "tracked", "residual_mm", "coverage", "matches"), ("hidden", "lost_because", "how")
 QUALITY = Mark(re.compile(rb"\A%b(,sd_\w+)+,%b\r?\n" % (",".join(_FIRST).encode(), ",".join(_LAST).encode())))

@@ -20,7 +20,7 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.model.pose_space import reported_coordinates
 from capture.own import Mark, replaced_if_own, table_of, tail
 from track.motion import Motion, MotionError
-from track.shown import known_thetas
+from track.observed_bones import known_thetas
 
 Table = Mapping[str, NDArray[Any]]
 """Columns (N,) by name, all equally long: numbers, or text."""

@@ -10,7 +10,7 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.model.pose_space import joint_coordinates
 from capture.own import PNG, replaced_if_own
 from track.motion import Motion
-from track.shown import known_thetas
+from track.observed_bones import known_thetas
 
 
 def plot_angles(

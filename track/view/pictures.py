@@ -10,7 +10,7 @@ from adapt.anatomy import Floats
 from adapt.model.body import Body, pose_skin, posed_bones
 from adapt.model.surface import submesh
 from capture.cloud.fuse import Cloud
-from track.shown import Bools, skin_shown
+from track.observed_bones import Bools, skin_shown
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 

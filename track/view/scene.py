@@ -21,7 +21,7 @@ from capture.rigid import inverse
 from track.accuracy.truth import read_truth, world_from_common
 from track.belonging import refuse_other_recording, refuse_other_subject
 from track.motion import Motion, MotionError, load_motion
-from track.shown import known_thetas
+from track.observed_bones import known_thetas
 
 _SAME_S = 1e-3
 """Two times nearer than this are one instant."""

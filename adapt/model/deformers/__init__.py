@@ -13,7 +13,7 @@ from adapt.model.deformers.deformer_type import Bound, DeformerType
 from adapt.model.deformers.forearm import Forearm
 from adapt.model.deformers.halfway import Halfway
 from adapt.model.deformers.rigid import Rigid
-from adapt.model.variation import Motion, Points
+from adapt.model.derivatives import Motion, Points
 
 __all__ = ["DEFORMER_TYPES", "Bound", "DeformerType", "bind", "bone_shares", "carry", "deformer_problem"]
 

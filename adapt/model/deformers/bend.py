@@ -22,7 +22,7 @@ as far as a mitred corner reaches (m is about 1 / cos(|rho| / 2) - 1); beyond, w
 other, a crease draws inwards instead. The two numbers are chosen by hand.
 
 Planes, slices and q do not depend on the pose: they are worked out once for a body. Fitting runs the same equations as
-compiled loops: BENDING in ``adapt.model.hot.skin``.
+compiled loops: BENDING in ``adapt.model.compiled.skin``.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame, Ints
+from adapt.model.compiled.layout import BENDING, Layout
 from adapt.model.deformers.between import blended_frames
 from adapt.model.deformers.deformer_type import DeformerType
+from adapt.model.derivatives import Motion, Points, compose, mere_points, move, still_points
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.layout import BENDING, Layout
-from adapt.model.variation import Motion, Points, compose, mere_points, move, still_points
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
 _ONSET, _CREASE = 0.09, 0.3

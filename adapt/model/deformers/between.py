@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.model.hot.layout import TURNING, Layout
-from adapt.model.variation import Motion, Points, compose, mere_points, still_points
+from adapt.model.compiled.layout import TURNING, Layout
+from adapt.model.derivatives import Motion, Points, compose, mere_points, still_points
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
 

@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 
 from adapt.anatomy import Anatomy, Deformer, Floats, Frame, Ints
+from adapt.model.compiled.layout import Layout
+from adapt.model.derivatives import Motion, Points
 from adapt.model.frames import mirrored_frame
-from adapt.model.hot.layout import Layout
-from adapt.model.variation import Motion, Points
 
 
 class Bound(Protocol):
@@ -57,7 +57,7 @@ class DeformerType(ABC):
 
     @abstractmethod
     def layout(self, bound: Any) -> Layout:
-        """The bound points for the compiled loops (adapt.model.hot.skin), where only the pose varies."""
+        """The bound points for the compiled loops (adapt.model.compiled.skin), where only the pose varies."""
 
     def turning_frames(
         self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: Any

@@ -7,7 +7,7 @@ A proximal frame rides on the ulna, a distal one on the radius. Between them, at
 
 and a point is carried by F_blend(theta, t) F_blend(rest, t)^-1, with its own t(v_tilde). What F_blend(rest, t)^-1
 makes of a point does not depend on the pose: it is worked out once for a body. Fitting runs the same equations as
-compiled loops: TURNING in ``adapt.model.hot.skin``.
+compiled loops: TURNING in ``adapt.model.compiled.skin``.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.model.compiled.layout import Layout
 from adapt.model.deformers.between import BoundBetween, between_layout, bind_between, carry_between
 from adapt.model.deformers.deformer_type import DeformerType
+from adapt.model.derivatives import Motion, Points
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.layout import Layout
-from adapt.model.variation import Motion, Points
 
 
 class Forearm(DeformerType):

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.model.compiled.layout import Layout
 from adapt.model.deformers.between import BoundBetween, between_layout, bind_between, carry_between
 from adapt.model.deformers.deformer_type import DeformerType
+from adapt.model.derivatives import Motion, Points
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.layout import Layout
-from adapt.model.variation import Motion, Points
 
 
 class Halfway(DeformerType):

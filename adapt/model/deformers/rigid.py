@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.model.compiled.layout import RIGID, Layout
 from adapt.model.deformers.deformer_type import DeformerType
-from adapt.model.hot.layout import RIGID, Layout
-from adapt.model.variation import Motion, Points, move
+from adapt.model.derivatives import Motion, Points, move
 
 
 class Rigid(DeformerType):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Literal
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.derivatives import Motion, Points
 from adapt.model.joints.ball import Ball
 from adapt.model.joints.cylindrical import Cylindrical
 from adapt.model.joints.free import Free
@@ -16,7 +17,6 @@ from adapt.model.joints.hinge import Hinge
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.spline import Spline
 from adapt.model.joints.universal import Universal
-from adapt.model.variation import Motion, Points
 
 _TYPES: tuple[JointType, ...] = (
     Free(),

@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.compiled.rows import Row, screw
+from adapt.model.derivatives import Motion, Points, compose
 from adapt.model.frames import varying_line
-from adapt.model.hot.rows import Row, screw
 from adapt.model.joints.joint_type import JointType, rest_values
 from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, still_axes
 from adapt.model.joints.turns import turn
-from adapt.model.variation import Motion, Points, compose
 from capture.rigid import exp_so3, transform
 
 

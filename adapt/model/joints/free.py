@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.compiled.rows import Row, place
+from adapt.model.derivatives import Motion, Points, compose, invert
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.rows import Row, place
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, Resting, TransformAxis
 from adapt.model.known_rows import of_known_rows
-from adapt.model.variation import Motion, Points, compose, invert
 from capture.rigid import exp_so3, left_jacobian_so3, log_so3
 
 

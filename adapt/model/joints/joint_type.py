@@ -9,10 +9,10 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.compiled.rows import Row
+from adapt.model.derivatives import Motion, Points
 from adapt.model.frames import mirrored_frame
-from adapt.model.hot.rows import Row
 from adapt.model.joints.opensim import OsimJoint, Resting
-from adapt.model.variation import Motion, Points
 
 
 class JointType(ABC):

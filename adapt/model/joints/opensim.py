@@ -18,8 +18,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.derivatives import Points
 from adapt.model.frames import line_through
-from adapt.model.variation import Points
 from capture.rigid import inverse, transform
 
 FOLLOWER = "_beta"  # ends the name of a coordinate that only follows another, as in OpenSim's models

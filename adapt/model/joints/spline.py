@@ -21,11 +21,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from adapt.anatomy import Anatomy, Floats, Ints, Joint
+from adapt.model.compiled.rows import Row, glide
+from adapt.model.derivatives import Motion, Points, compose, constant_points, invert
 from adapt.model.frames import frame_from_landmarks
-from adapt.model.hot.rows import Row, glide
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.opensim import OsimJoint, Resting, sampled
-from adapt.model.variation import Motion, Points, compose, constant_points, invert
 from capture.errors import AnatomyError
 from capture.rigid import exp_so3, hat, left_jacobian_so3, log_so3
 

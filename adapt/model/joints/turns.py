@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.compiled.rows import Row, screw
+from adapt.model.derivatives import Motion, Points, compose
 from adapt.model.frames import varying_line
-from adapt.model.hot.rows import Row, screw
 from adapt.model.joints.joint_type import JointType, rest_values
 from adapt.model.joints.opensim import OsimJoint, Resting, TransformAxis, nearest_point, still_axes, unit_vector
-from adapt.model.variation import Motion, Points, compose
 from capture.rigid import exp_so3, hat, transform
 
 
@@ -38,7 +38,7 @@ def turn(anatomy: Anatomy, axis: tuple[str, str], angle: float, p: Points, colum
     """A turn by ``angle`` (rad) about the line through two landmarks: x' = R (x - f) + f.
 
     >>> from adapt.anatomy_file import load_anatomy
-    >>> from adapt.model.variation import constant_points
+    >>> from adapt.model.derivatives import constant_points
     >>> arm = load_anatomy("upper-limb-right")
     >>> motion = turn(arm, ("EM", "EL"), np.deg2rad(90.0), constant_points(arm.landmarks, 1), column=0)
     >>> on_axis = arm.landmarks[arm.landmark_index("EM")]

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import match_pose
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
-from adapt.fit.sample import sample_skin, weighted_by_tissue
 from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin, weighted_by_tissue
 from adapt.model.body import make_body, shaped_skin
 from adapt.subject import Subject
 from adapt.tissue import tissue_field

@@ -14,8 +14,8 @@ import numpy as np
 from scipy import sparse
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Target
-from adapt.fit.sample import sample_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import make_body
 from adapt.subject import Subject
 from capture.cloud.fuse import fuse, region_of_interest

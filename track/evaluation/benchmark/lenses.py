@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target, find_corres
-from adapt.fit.placing import Scene, costs
-from adapt.fit.visibility import visible_vertices
+from adapt.match.correspondences import Target, find_corres
+from adapt.match.visibility import visible_vertices
 from adapt.model.body import pose_skin
+from adapt.search.coarse_cost import Scene, costs
 from capture.camera import ray_slopes
 from capture.cloud.fuse import Cloud, View
 from capture.projection import project

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target
+from adapt.match.correspondences import Target
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.surface import incidence, vertex_normals
 from adapt.subject import Subject

@@ -15,20 +15,20 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.spatial import cKDTree
 
-from adapt.fit.correspondences import Target, find_corres
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
-from adapt.fit.nearest import PointGrid
-from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.posterior import pose_covariance
 from adapt.fit.recording import DEFAULT_POSES
-from adapt.fit.sample import sample_skin
-from adapt.fit.score import find_skin
-from adapt.fit.visibility import pixel_of
+from adapt.match.correspondences import Target, find_corres
+from adapt.match.point_grid import PointGrid
+from adapt.match.skin_sample import sample_skin
+from adapt.match.visibility import pixel_of
 from adapt.model.body import pose_skin, pose_skin_varying
 from adapt.model.pose_space import moved_rigidly
 from adapt.model.surface import incidence, vertex_normals
+from adapt.search.coarse_cost import Placements, Scene, costs, costs_by_arrays
+from adapt.search.pose_score import find_skin
 from adapt.subject import Subject
 from capture.calibration.calibrate import calibrate_recording
 from capture.cloud.fuse import Region, fuse, region_of_interest

@@ -19,8 +19,8 @@ from track.evaluation.known import CARMINE, record_known
 from track.evaluation.made_up_motions import perform
 from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import reconstruction_of_poses
+from track.observed_bones import known_thetas
 from track.run import track_recording
-from track.shown import known_thetas
 
 ANATOMY = "upper-limb-right"
 NOISES = {"Carmine": CARMINE, "no noise": NoiseModel()}

@@ -20,12 +20,12 @@ from scipy.spatial.transform import Rotation
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import sample_skin
-from adapt.fit.start import find_pose
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.shape.handle_space import affine_set
+from adapt.search.first_pose import find_pose
 from adapt.template_builder.meshes import Mesh, largest_part
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import instants

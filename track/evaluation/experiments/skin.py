@@ -11,14 +11,14 @@ from adapt.anatomy import Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.pose import fit_pose, match_pose
-from adapt.fit.sample import sample_skin
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import Body, make_body, pose_skin, posed_bones
 from track.accuracy.mesh_distance import distance_to_mesh
 from track.evaluation.experiments.drawing import colour_bar, coloured_layers, new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.stills import disturbed, record_stills
 from track.evaluation.known import KnownRecording, centre_errors
-from track.shown import Bools
+from track.observed_bones import Bools
 from track.view.render import framing_camera, look_at, render
 
 LIMBS = {"arm": ("upper-limb-right", ("bend-and-twist",)), "leg": ("lower-limb-right", ("walk",))}

@@ -11,16 +11,16 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.correspondences import GATE_M, Correspondences, Target
 from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import fit_pose, match_pose, next_gate
-from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import fit_skin
-from adapt.fit.start import try_pose, variations
+from adapt.match.correspondences import GATE_M, Correspondences, Target
+from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.size import resized
+from adapt.search.first_pose import try_pose, variations
 from track.evaluation.experiments.drawing import new_figure, save_figure
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.stills import disturbed, record_stills

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from adapt.fit.correspondences import Target
-from adapt.fit.sample import sample_skin
-from adapt.fit.score import ScoredPose
 from adapt.fit.shape import fit_shape
-from adapt.fit.start import is_sound, try_pose
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import Body
 from adapt.model.shape.prior import overall_size
 from adapt.model.size import resized
+from adapt.search.first_pose import is_sound, try_pose
+from adapt.search.pose_score import ScoredPose
 from capture.errors import FitError
 
 OTHER_SIZES = (0.62, 0.8, 1.2)  # with the template's own: each step is within what the fit to one frame bridges

@@ -17,13 +17,13 @@ from capture.rigid import inverse
 Bools = NDArray[np.bool_]
 
 
-def untold(anatomy: Anatomy, shown: Bools) -> Bools:
+def unobserved_coordinates(anatomy: Anatomy, shown: Bools) -> Bools:
     """Which joint coordinates (n,) lie between bones (B,) of which none shows on the one side, or none on the other.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> arm = load_anatomy("upper-limb-right")
     >>> shown = np.array([bone.name in ("humerus", "ulna") for bone in arm.bones])
-    >>> [coordinate.name for coordinate, free in zip(arm.coordinates, untold(arm, shown), strict=True) if free]
+    >>> [arm.coordinates[k].name for k in np.flatnonzero(unobserved_coordinates(arm, shown))]
     ['pro_sup', 'deviation', 'flexion']
     """
     names = [bone.name for bone in anatomy.bones]
@@ -37,7 +37,7 @@ def untold(anatomy: Anatomy, shown: Bools) -> Bools:
 
 
 def towards_rest(body: Body, theta: Floats, last: Floats, shown: Bools, kept: float) -> Floats:
-    """The pose ``theta`` (n,) with what is untold where ``last`` (n,) has it, but for the share of the way to rest.
+    """The pose ``theta`` (n,) with what is unobserved where ``last`` (n,) has it, but for the share of the way to rest.
 
     ``kept`` is the share of the distance from rest that stays. The root moves so that the bones (B,) that show stay
     where ``theta`` has them.
@@ -51,7 +51,7 @@ def towards_rest(body: Body, theta: Floats, last: Floats, shown: Bools, kept: fl
     [0.0, 0.0, 0.1, 0.1]
     """
     anatomy = body.anatomy
-    free = untold(anatomy, shown)
+    free = unobserved_coordinates(anatomy, shown)
     if not free.any() or not shown.any():
         return theta
     rest = np.array([coordinate.rest for coordinate in anatomy.coordinates])

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from adapt.fit.candidates import Candidate
-from adapt.fit.other_limb import on_its_side
-from adapt.fit.own_side import is_nearer_to, lies_on_its_side
-from adapt.fit.sample import SkinSample
-from adapt.fit.start import is_sound, try_pose
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body
+from adapt.search.candidates import Candidate
+from adapt.search.first_pose import is_sound, try_pose
+from adapt.search.other_limb import on_its_side
+from adapt.search.own_side import is_nearer_to, lies_on_its_side
 
 _REASON = "the other leg was found"
 

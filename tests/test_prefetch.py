@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from track.ahead import one_ahead
+from track.prefetch import one_ahead
 
 
 def helpers() -> int:

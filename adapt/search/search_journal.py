@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from adapt.fit.correspondences import Correspondences
 from adapt.fit.pose import PoseFit
-from adapt.fit.score import ScoredPose
+from adapt.match.correspondences import Correspondences
+from adapt.search.pose_score import ScoredPose
 from capture.errors import FitError
 from capture.journal import Journal
 

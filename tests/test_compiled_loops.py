@@ -9,13 +9,13 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.nearest import PointGrid
-from adapt.fit.placing import Placements, Scene, costs, costs_by_arrays
-from adapt.fit.sample import sample_skin
+from adapt.match.point_grid import PointGrid
+from adapt.match.skin_sample import sample_skin
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin_varying, rest_theta, shaped_skin
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.surface import incidence, vertex_normals
+from adapt.search.coarse_cost import Placements, Scene, costs, costs_by_arrays
 from capture.camera import Camera, backproject
 from capture.cloud.fuse import Cloud, Region, View, pixels_inside, spread
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays

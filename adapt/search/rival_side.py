@@ -19,20 +19,20 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.correspondences import Target
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_misfit
-from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
-from adapt.fit.score import skin_apart
 from adapt.fit.shape import ShapeFit, fit_shape
-from adapt.fit.start import try_pose
-from adapt.fit.visibility import depth_of
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
+from adapt.match.visibility import depth_of
 from adapt.mirror import mirrored_body, mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates, moved_rigidly
 from adapt.model.shape.prior import shape_precision
 from adapt.model.size import resized
 from adapt.own_anatomy import other_side_asked
+from adapt.search.first_pose import try_pose
+from adapt.search.pose_score import skin_apart
 from capture.errors import FitError
 from capture.rigid import exp_so3
 

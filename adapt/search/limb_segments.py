@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.visibility import depth_of, pixel_of
+from adapt.match.visibility import depth_of, pixel_of
 from capture.cloud.fuse import Cloud, View
 from capture.cloud.preprocess import Mask, jump_mask
 

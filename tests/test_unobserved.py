@@ -7,7 +7,7 @@ import pytest
 
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.untold import towards_rest, untold
+from adapt.fit.unobserved import towards_rest, unobserved_coordinates
 from adapt.model.body import bone_transforms, make_body, rest_theta
 
 SHANK_AND_FOOT = ("tibia", "foot")
@@ -42,7 +42,7 @@ def stepping(leg: Anatomy) -> np.ndarray:
 )
 def test_a_joint_is_told_of_where_bones_show_on_both_its_sides(leg, shown, told):
     free = set(leg.joints[0].coordinates)
-    nothing_tells = untold(leg, shown_only(leg, *shown))
+    nothing_tells = unobserved_coordinates(leg, shown_only(leg, *shown))
     assert {c.name for c, u in zip(leg.coordinates, nothing_tells, strict=True) if not u} - free == told
 
 

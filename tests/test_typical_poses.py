@@ -7,10 +7,10 @@ import pytest
 
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.forms import FORMS, straightest, typical_forms
-from adapt.fit.start import variations
 from adapt.model.body import make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates
+from adapt.search.first_pose import variations
+from adapt.search.typical_poses import FORMS, straightest, typical_forms
 
 
 @pytest.fixture(scope="module", params=["upper-limb-right", "lower-limb-left"])

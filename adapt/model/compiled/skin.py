@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.model.hot.chain import Bones, Chain, move_bones
-from adapt.model.hot.layout import BENDING, RIGID, TURNING
-from adapt.model.hot.rotations import add_cross, add_product, inverse_left_jacobian, length, log, turn
+from adapt.model.compiled.chain import Bones, Chain, move_bones
+from adapt.model.compiled.layout import BENDING, RIGID, TURNING
+from adapt.model.compiled.rotations import add_cross, add_product, inverse_left_jacobian, length, log, turn
 from capture.compiled import compiled
 from capture.rigid import hat, log_so3
 

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
+from adapt.model.compiled.chain import Chain
+from adapt.model.compiled.layout import RIGID, TURNING, Layout
+from adapt.model.compiled.rows import Row
+from adapt.model.compiled.shaped_skin import Varying
+from adapt.model.compiled.skin import BoundSkin
 from adapt.model.deformers import DEFORMER_TYPES, bind
 from adapt.model.deformers.deformer_type import Bound
-from adapt.model.hot.chain import Chain
-from adapt.model.hot.layout import RIGID, TURNING, Layout
-from adapt.model.hot.rows import Row
-from adapt.model.hot.shaped_skin import Varying
-from adapt.model.hot.skin import BoundSkin
+from adapt.model.derivatives import Points
 from adapt.model.joints import JOINT_TYPES
-from adapt.model.variation import Points
 
 _WORTH_PICKING = 0.7  # of the vertices: to bind so many of them alone costs as much as to bind all
 

@@ -15,19 +15,19 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.correspondences import Target
-from adapt.fit.forms import typical_forms
 from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
-from adapt.fit.placing import Placements, Scene, costs
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import SkinSample, sample_skin
-from adapt.fit.score import FoundPart, ScoredPose, find_skin, score_pose
-from adapt.fit.slender import slender_parts, thicker_than
-from adapt.fit.untold import towards_rest
-from adapt.fit.visibility import face_the_sensors
+from adapt.fit.unobserved import towards_rest
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample, sample_skin
+from adapt.match.visibility import face_the_sensors
 from adapt.model.body import Body, pose_skin, rest_theta
 from adapt.model.pose_space import joint_coordinates, root_coordinates
 from adapt.model.shape.prior import overall_size
+from adapt.search.coarse_cost import Placements, Scene, costs
+from adapt.search.limb_segments import slender_parts, thicker_than
+from adapt.search.pose_score import FoundPart, ScoredPose, find_skin, score_pose
+from adapt.search.typical_poses import typical_forms
 from capture.cloud.fuse import Cloud
 from capture.errors import FitError
 from capture.rigid import exp_so3
@@ -115,7 +115,7 @@ def is_sound(pose: ScoredPose) -> bool:
     """Whether nearly all the skin is found, and neither laid on other surface nor in the void.
 
     >>> from dataclasses import replace
-    >>> from adapt.fit.correspondences import Correspondences
+    >>> from adapt.match.correspondences import Correspondences
     >>> from adapt.fit.pose import PoseFit
     >>> fit = PoseFit(np.zeros(10), Correspondences(*np.zeros((4, 0))), np.zeros(0))
     >>> good = ScoredPose(fit, skin_m=0.003, cloud_m=0.004, coverage=0.97, attached=0.1, void=0.01)

@@ -12,15 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
 from adapt.fit.judge import ADAPTED, judge_fit, shows, unexplained_points
-from adapt.fit.own_side import keeps_to_its_side, lies_on_its_side
-from adapt.fit.rival_side import TOLD, SideEvidence, compare_sides
-from adapt.fit.sample import SkinSample
-from adapt.fit.score import ScoredPose, find_skin
-from adapt.fit.start import find_pose, try_pose
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, pose_skin
 from adapt.own_anatomy import other_side_asked
+from adapt.search.first_pose import find_pose, try_pose
+from adapt.search.own_side import keeps_to_its_side, lies_on_its_side
+from adapt.search.pose_score import ScoredPose, find_skin
+from adapt.search.rival_side import TOLD, SideEvidence, compare_sides
 from capture.cloud.fuse import Cloud
 from capture.errors import FitError
 

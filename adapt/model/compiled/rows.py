@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.model.variation import Line, Motion
+from adapt.model.derivatives import Line, Motion
 
 PLACE, SCREW, GLIDE = 0, 1, 2
 _NOWHERE = Line(np.zeros(3), np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0)))

@@ -11,19 +11,26 @@ import pytest
 import track.tracker
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.correspondences import Target
-from adapt.fit.sample import sample_skin
-from adapt.fit.score import FoundPart, find_skin
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, rest_theta
+from adapt.search.pose_score import FoundPart, find_skin
 from capture.cloud.fuse import Region, fuse
 from capture.recording import instants, open_recording
 from capture.recording.depth_png import read_readings, write_readings
 from tests.known_limb import FPS, covered, cropped, exact_target, known_subject
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_leg import toy_leg
+from track.observed_bones import (
+    bones_shown,
+    centres_known,
+    coordinates_known,
+    coordinates_seen,
+    known_thetas,
+    skin_shown,
+)
 from track.prediction import unsure_where_unknown
 from track.run import track_recording
-from track.shown import bones_shown, centres_known, coordinates_known, coordinates_seen, known_thetas, skin_shown
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
 

@@ -2,8 +2,8 @@
 
 A placement is a rigid motion of the same N vertices. What it costs (m) is the mean distance of vertices that face the
 sensors from the cloud, plus that of some points from the vertices, both truncated, plus what an outline on other
-surface and skin in the void cost in ``adapt.fit.score``. Compiled loops do this; ``costs_by_arrays`` is their twin in
-plain NumPy.
+surface and skin in the void cost in ``adapt.search.pose_score``. Compiled loops do this; ``costs_by_arrays`` is their
+twin in plain NumPy.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
-from adapt.fit.nearest import PointGrid
-from adapt.fit.score import (
+from adapt.match.point_grid import PointGrid
+from adapt.match.visibility import in_an_image, is_on_outline, is_past, nearest_around
+from adapt.search.pose_score import (
     ATTACHED_M,
     BESIDE_M,
     FAR_M,
@@ -26,7 +27,6 @@ from adapt.fit.score import (
     attached_share,
     void_share,
 )
-from adapt.fit.visibility import in_an_image, is_on_outline, is_past, nearest_around
 from capture.cloud.fuse import Cloud
 from capture.cloud.preprocess import Image
 from capture.compiled import compiled

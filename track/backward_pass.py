@@ -15,7 +15,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy
 from adapt.model.pose_space import pose_difference
-from track.shown import coordinates_known
+from track.observed_bones import coordinates_known
 from track.tracked_frame import BACKWARD, BY_HAND, FOUND, TrackedFrame, TrackerState
 from track.tracker import Tracker
 

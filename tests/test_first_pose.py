@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import adapt.fit.start as start
+import adapt.search.first_pose as start
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import sample_skin
-from adapt.fit.score import attached_share, find_skin, score_pose, void_share
-from adapt.fit.slender import slender_parts, thicker_than
-from adapt.fit.start import find_pose, locate, try_pose
-from adapt.fit.visibility import pixel_of
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import sample_skin
+from adapt.match.visibility import pixel_of
 from adapt.model.body import joint_centres, pose_skin
 from adapt.model.surface import vertex_areas
+from adapt.search.first_pose import find_pose, locate, try_pose
+from adapt.search.limb_segments import slender_parts, thicker_than
+from adapt.search.pose_score import attached_share, find_skin, score_pose, void_share
 from capture.cloud.fuse import Cloud, Region, View, view_points
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3

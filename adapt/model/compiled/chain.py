@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.model.hot.rotations import add_cross, add_product, exp, left_jacobian, turn
-from adapt.model.hot.rows import PLACE, SCREW
+from adapt.model.compiled.rotations import add_cross, add_product, exp, left_jacobian, turn
+from adapt.model.compiled.rows import PLACE, SCREW
 from capture.compiled import compiled
 
 
 class Chain(NamedTuple):
     """S elementary motions, parents before children: H = G(q) A, T_bone = T_before H.
 
-    They are the rows of ``adapt.model.hot.rows``. A joint may have several, each with the bone that the one before has
-    moved as its ``before``, which is -1 where the motion starts from the recording's frame.
+    They are the rows of ``adapt.model.compiled.rows``. A joint may have several, each with the bone that the one before
+    has moved as its ``before``, which is -1 where the motion starts from the recording's frame.
     """
 
     kind: Ints  # (S,)
@@ -44,7 +44,7 @@ class Chain(NamedTuple):
 
 
 class Bones(NamedTuple):
-    """Motions of B bones with their n + m derivatives, as in ``adapt.model.variation.Motion``.
+    """Motions of B bones with their n + m derivatives, as in ``adapt.model.derivatives.Motion``.
 
     The last one is no bone but the recording's frame, which stays where it is.
     """

@@ -13,16 +13,16 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.alternate import Progress
-from adapt.fit.correspondences import Target
 from adapt.fit.examples import choose_examples
-from adapt.fit.found import FoundPoses
-from adapt.fit.overall_size import SizedPose, settle_size
 from adapt.fit.pose import fit_pose
-from adapt.fit.sample import SkinSample, sample_skin, weighted_by_tissue
-from adapt.fit.score import ScoredPose, score_pose
 from adapt.fit.shape import fit_shape
-from adapt.fit.start import locate, try_pose, variations
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body
+from adapt.search.first_pose import locate, try_pose, variations
+from adapt.search.overall_size import SizedPose, settle_size
+from adapt.search.pose_score import ScoredPose, score_pose
+from adapt.search.search_journal import FoundPoses
 from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.recording import Instant, Recording

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.fit.judge import shows
-from adapt.fit.score import FoundPart
 from adapt.model.body import Body
 from adapt.model.joints import JOINT_TYPES
+from adapt.search.pose_score import FoundPart
 
 Bools = NDArray[np.bool_]
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
-from adapt.fit.correspondences import Target
 from adapt.fit.pose import PoseFit, match_pose
-from adapt.fit.sample import SkinSample
-from adapt.fit.visibility import depth_at, depth_of, looked_past, on_outline, plainly_seen_or_hidden
+from adapt.match.correspondences import Target
+from adapt.match.skin_sample import SkinSample
+from adapt.match.visibility import depth_at, depth_of, looked_past, on_outline, plainly_seen_or_hidden
 from adapt.model.body import Body, pose_skin
 from adapt.model.surface import vertex_areas
 from capture.cloud.fuse import Cloud

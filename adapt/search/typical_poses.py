@@ -15,7 +15,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.sample import sample_skin
+from adapt.match.skin_sample import sample_skin
 from adapt.model.body import make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates
 

@@ -1,8 +1,8 @@
 """Skin that rides on moved bones, with its derivatives by the body's shape as well: what adapting spends its time on.
 
-``adapt.model.hot.skin`` poses the skin for fixed rest vertices and frames; run with bones and frames that have columns
-for the shape, too, it gives what these bring. What is left is what each vertex brings itself, because the shape moves
-it at rest: it lies elsewhere in its deformer's frames, and in another slice. Only that is added here.
+``adapt.model.compiled.skin`` poses the skin for fixed rest vertices and frames; run with bones and frames that have
+columns for the shape, too, it gives what these bring. What is left is what each vertex brings itself, because the shape
+moves it at rest: it lies elsewhere in its deformer's frames, and in another slice. Only that is added here.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.model.hot.chain import Bones, Chain, move_bones
-from adapt.model.hot.layout import BENDING, RIGID, TURNING
-from adapt.model.hot.rotations import add_cross
-from adapt.model.hot.skin import Between, BoundSkin, add_between, add_rigid, between, squeeze
+from adapt.model.compiled.chain import Bones, Chain, move_bones
+from adapt.model.compiled.layout import BENDING, RIGID, TURNING
+from adapt.model.compiled.rotations import add_cross
+from adapt.model.compiled.skin import Between, BoundSkin, add_between, add_rigid, between, squeeze
 from capture.compiled import compiled_sums
 from capture.rigid import hat, log_so3
 

@@ -1,4 +1,4 @@
-"""How one deformer's skin is laid out in the arrays of the compiled loops (adapt.model.hot.skin)."""
+"""How one deformer's skin is laid out in the arrays of the compiled loops (adapt.model.compiled.skin)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.model.variation import Motion
+from adapt.model.derivatives import Motion
 
 RIGID, TURNING, BENDING = 0, 1, 2
 """The loops there are: skin rides on one bone; turns bit by bit from one bone to the next; and swells meanwhile."""

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.fit.nearest import PointGrid
-from adapt.fit.visibility import visible_vertices
+from adapt.match.point_grid import PointGrid
+from adapt.match.visibility import visible_vertices
 from capture.cloud.fuse import Cloud, View
 
 GATE_M = 0.04  # the paper's 4 cm
