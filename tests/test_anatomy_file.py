@@ -16,8 +16,8 @@ def imported(path: Path) -> set[str]:
     return {name for name in names if name.split(".")[0] == "adapt"}
 
 
-def test_an_anatomy_needs_only_the_types_of_its_joints_and_deformers():
-    assert imported(ADAPT / "anatomy.py") == {"adapt.model.joints", "adapt.model.deformers"}
+def test_an_anatomy_is_data_and_needs_nothing_of_the_model():
+    assert imported(ADAPT / "anatomy.py") == set()
 
 
 def test_nothing_that_reading_a_file_needs_reads_files():

@@ -153,8 +153,8 @@ def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | 
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> body = make_body(load_anatomy("upper-limb-right"))
-    >>> body.shape.reshape(-1, 4).tolist()[0], body.affine.groups  # scale 1 and no shift, of each group
-    ([1.0, 0.0, 0.0, 0.0], ('shoulder', 'elbow', 'wrist', 'knuckles'))
+    >>> dict(zip(body.affine.groups, body.affine.scales(body.shape).tolist()))
+    {'shoulder': 1.0, 'elbow': 1.0, 'wrist': 1.0, 'knuckles': 1.0}
     """
     refuse_wrong_parts(anatomy)
     shape = affine_set(anatomy).identity if shape is None else np.asarray(shape, dtype=np.float64)
