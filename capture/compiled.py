@@ -4,8 +4,9 @@ A module that uses this is imported where its work begins, because numba alone t
 compiled function has a twin in plain NumPy that a test compares it with.
 
 What numba keeps it takes up again as long as the function's own file is as it was, though functions and numbers of
-other files have become part of it: after an update of those alone, the old equations would run without a word. So the
-files that a file imports count here, too.
+other files have become part of it: after an update of those alone, the old equations would run without a word. And it
+reads what it kept before it asks whether that is old, which fails where a class that a function takes has moved since.
+So what is kept has a name that tells the content of the file and of those it imports, and is looked for under it alone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import hashlib
 import re
 from collections.abc import Callable
 from functools import cache
+from glob import escape
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -48,16 +50,20 @@ def _compiled(function: Callable[_P, _R], *, fastmath: bool | set[str], **more: 
 
     try:
         kept = machine_code(cache=True)
-        _stamp(kept, Path(function.__code__.co_filename))
-    except (RuntimeError, AttributeError):  # nowhere to keep it (installed read-only), or no way to say when it is old
+        _keep_by_content(kept, Path(function.__code__.co_filename))
+    except (RuntimeError, AttributeError):  # nowhere to keep it (installed read-only), or numba keeps it in another way
         return machine_code(cache=False)
     return kept
 
 
-def _stamp(kept: Any, file: Path) -> None:
-    """Has what numba keeps of a function depend on what its file imports."""
-    index = kept._cache._cache_file
-    index._source_stamp = (index._source_stamp, _content(file))
+def _keep_by_content(kept: Any, file: Path) -> None:
+    """Has numba look for what it keeps of a function under the content of its file, and what is older removed."""
+    name, place, now = kept._cache._impl.filename_base, kept._cache._cache_path, kept._cache._cache_file
+    named = f"{name}-{_content(file)[:16]}"
+    for old in Path(place).glob(f"{escape(name)}[.-]*"):
+        if not old.name.startswith(named):
+            old.unlink(missing_ok=True)
+    kept._cache._cache_file = type(now)(cache_path=place, filename_base=named, source_stamp=now._source_stamp)
 
 
 @cache
