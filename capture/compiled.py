@@ -51,7 +51,7 @@ def _compiled(function: Callable[_P, _R], *, fastmath: bool | set[str], **more: 
     try:
         kept = machine_code(cache=True)
         _keep_by_content(kept, Path(function.__code__.co_filename))
-    except (RuntimeError, AttributeError):  # nowhere to keep it (installed read-only), or numba keeps it in another way
+    except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or not to be told when it is old
         return machine_code(cache=False)
     return kept
 

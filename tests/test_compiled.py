@@ -99,3 +99,12 @@ def test_what_is_old_is_not_left_behind(folder: Path) -> None:
     now = sorted(path.name for path in (folder / "capture" / "__pycache__").glob("outer.*.nb?"))
     assert len(now) == len(kept) > 0
     assert not set(now) & set(kept)
+
+
+def test_without_sources_to_read_it_is_compiled_anew(folder: Path) -> None:
+    """As from an archive: nothing tells whether what was kept is old."""
+    capture = folder / "capture"
+    text = (capture / "compiled.py").read_text()
+    (capture / "compiled.py").write_text(text.replace("path.read_bytes()", "(path / 'none').read_bytes()"))
+    assert run(folder) == (3.0, 0)
+    assert run(folder) == (3.0, 0)
