@@ -151,3 +151,15 @@ def move(motion: Motion, points: Points) -> Points:
     if not points.still:
         d += np.matmul(motion.rotation, points.d)
     return Points(turned + motion.translation, d)
+
+
+def reach_along(frame: Motion, axis: Floats, d_axis: Floats, points: Points) -> tuple[Floats, Floats]:
+    """How far (N,) points (N, 3) lie from a frame's origin along an axis (3,), times its length; derivative (N, n).
+
+    >>> origin = Motion(np.eye(3), np.array([0.0, 0.1, 0.0]), np.zeros((3, 1)), np.eye(3)[:, 1:2])  # it moves along y
+    >>> value, d = reach_along(origin, np.array([0.0, 2.0, 0.0]), np.zeros((3, 1)), still_points(np.ones((1, 3))))
+    >>> value.tolist(), d.tolist()
+    ([1.8], [[-2.0]])
+    """
+    reach = points.value - frame.translation
+    return reach @ axis, np.einsum("j,njk->nk", axis, points.d) - axis @ frame.d_translation + reach @ d_axis
