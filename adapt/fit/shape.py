@@ -134,8 +134,8 @@ class ShapeEnergy:
 
     @cached_property
     def modes(self) -> Floats:
-        """The tissue's modes (U, q) at these vertices."""
-        return tissue_field(self.body.anatomy).modes[self.seen]
+        """The tissue's modes (q, U) at these vertices: products along rows are the fastest."""
+        return np.ascontiguousarray(tissue_field(self.body.anatomy).modes[self.seen].T)
 
     @cached_property
     def rows(self) -> list[Ints]:
@@ -167,12 +167,12 @@ class ShapeEnergy:
             gradient[pose] += limits.gradient
             hessian[pose, pose] += limits.hessian + _LEAST_KNOWN * np.eye(of.n)
             _add_shares(shares, rows, jacobian, far, of.m + k * of.n, of.n)
-        cross = self.modes.T @ shares
+        cross = self.modes @ shares
         gradient[of.tissue] += cross[:, -1]
         hessian[np.ix_(np.arange(of.m, of.m + of.q), others)] = cross[:, :-2]
         hessian[np.ix_(others, np.arange(of.m, of.m + of.q))] = cross[:, :-2].T
-        rooted = np.sqrt(shares[:, -2])[:, None] * self.modes
-        hessian[of.tissue, of.tissue] += rooted.T @ rooted  # a product with itself costs half of one with another
+        rooted = np.sqrt(shares[:, -2]) * self.modes
+        hessian[of.tissue, of.tissue] += rooted @ rooted.T  # a product with itself costs half of one with another
         return Quadratic(energy, gradient, hessian)
 
     def value(self, x: Floats) -> float:

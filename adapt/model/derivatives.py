@@ -153,13 +153,22 @@ def move(motion: Motion, points: Points) -> Points:
     return Points(turned + motion.translation, d)
 
 
-def reach_along(frame: Motion, axis: Floats, d_axis: Floats, points: Points) -> tuple[Floats, Floats]:
-    """How far (N,) points (N, 3) lie from a frame's origin along an axis (3,), times its length; derivative (N, n).
+def reach_along(frame: Motion, axis: Floats, points: Points) -> Floats:
+    """How far (N,) points lie from a frame's origin along an axis (3,), times its length.
 
-    >>> origin = Motion(np.eye(3), np.array([0.0, 0.1, 0.0]), np.zeros((3, 1)), np.eye(3)[:, 1:2])  # it moves along y
-    >>> value, d = reach_along(origin, np.array([0.0, 2.0, 0.0]), np.zeros((3, 1)), still_points(np.ones((1, 3))))
-    >>> value.tolist(), d.tolist()
-    ([1.8], [[-2.0]])
+    >>> origin = Motion(np.eye(3), np.array([0.0, 0.1, 0.0]), np.zeros((3, 0)), np.zeros((3, 0)))
+    >>> reach_along(origin, np.array([0.0, 2.0, 0.0]), still_points(np.ones((1, 3)))).tolist()
+    [1.8]
     """
-    reach = points.value - frame.translation
-    return reach @ axis, np.einsum("j,njk->nk", axis, points.d) - axis @ frame.d_translation + reach @ d_axis
+    return np.asarray((points.value - frame.translation) @ axis)
+
+
+def d_reach_along(frame: Motion, axis: Floats, d_axis: Floats, points: Points) -> Floats:
+    """The derivative (N, n) of ``reach_along``; the axis varies by (3, n).
+
+    >>> origin = Motion(np.eye(3), np.zeros(3), np.zeros((3, 1)), np.eye(3)[:, 1:2])  # it moves along y
+    >>> d_reach_along(origin, np.array([0.0, 2.0, 0.0]), np.zeros((3, 1)), still_points(np.ones((1, 3)))).tolist()
+    [[-2.0]]
+    """
+    by_points = np.einsum("j,njk->nk", axis, points.d) - axis @ frame.d_translation
+    return np.asarray(by_points + (points.value - frame.translation) @ d_axis)

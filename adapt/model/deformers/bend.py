@@ -35,7 +35,7 @@ from adapt.anatomy import Anatomy, Floats, Frame, Ints
 from adapt.model.compiled.layout import BENDING, Layout
 from adapt.model.deformers.between import blended_frames
 from adapt.model.deformers.deformer_type import DeformerType
-from adapt.model.derivatives import Motion, Points, compose, mere_points, move, reach_along, still_points
+from adapt.model.derivatives import Motion, Points, compose, d_reach_along, mere_points, move, reach_along, still_points
 from adapt.model.frames import frame_from_landmarks
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
@@ -138,14 +138,18 @@ class Bend(DeformerType):
 def _slices(start: Motion, end: Motion, skin: Points) -> tuple[Floats, Floats, Floats, Floats]:
     """Shares t (N,) and widths a + b (N,) m of points between two planes, then their derivatives (N, n).
 
-    A plane goes through a frame's origin across its y axis.
+    A plane goes through a frame's origin across its y axis. Derivatives are 0 outside the bend, where no one asks.
     """
-    (a, da), (b, db) = (reach_along(plane, *_y_axis(plane), skin) for plane in (start, end))
+    (a, b), n = (reach_along(plane, _y_axis(plane)[0], skin) for plane in (start, end)), start.n
     past, before = np.maximum(a, 0.0), np.maximum(-b, 0.0)
     width = np.maximum(past + before, 1e-12)
-    d_past, d_before = da * (a > 0.0)[:, None], -db * (b < 0.0)[:, None]
-    dt = (before / width**2)[:, None] * d_past - (past / width**2)[:, None] * d_before
-    return past / width, width, dt, d_past + d_before  # t is 0 where neither plane has been passed
+    t = past / width  # 0 where neither plane has been passed
+    dt, d_width = np.zeros((len(t), n)), np.zeros((len(t), n))
+    bending = np.flatnonzero((t > 0.0) & (t < 1.0))
+    d_past, d_before = (d_reach_along(plane, *_y_axis(plane), skin.at(bending)) for plane in (start, end))
+    past, before, over = past[bending, None], before[bending, None], width[bending, None] ** 2
+    dt[bending], d_width[bending] = (before * d_past + past * d_before) / over, d_past - d_before
+    return t, width, dt, d_width
 
 
 def _y_axis(frame: Motion) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.model.deformers.turning import Turning
-from adapt.model.derivatives import Motion, Points, reach_along
+from adapt.model.derivatives import Motion, Points, d_reach_along, reach_along
 
 
 class Forearm(Turning):
@@ -28,8 +28,8 @@ class Forearm(Turning):
         """The ramp t (N,) in [0, 1] along the forearm and its derivative (N, n)."""
         axis, d_axis = second.translation - first.translation, second.d_translation - first.d_translation
         length2 = axis @ axis
-        t, dt = reach_along(
-            first, axis / length2, (d_axis - 2.0 * np.outer(axis, axis @ d_axis) / length2) / length2, skin
-        )
-        inside = (t > 0.0) & (t < 1.0)
-        return np.clip(t, 0.0, 1.0), dt * inside[:, None]
+        share, d_share = axis / length2, (d_axis - 2.0 * np.outer(axis, axis @ d_axis) / length2) / length2
+        t, dt = reach_along(first, share, skin), np.zeros((len(skin.value), first.n))
+        inside = np.flatnonzero((t > 0.0) & (t < 1.0))
+        dt[inside] = d_reach_along(first, share, d_share, skin.at(inside))
+        return np.clip(t, 0.0, 1.0), dt
