@@ -71,8 +71,10 @@ def _by_arms(bones: Bones) -> Floats:
 
 def _room(n: int, m: int) -> _Room:
     """Room for n vertices that vary with m parameters."""
-    none, three = np.zeros(n, dtype=np.int64), np.zeros((5, n, 3))
-    return _Room(none, none.copy(), np.arange(n), np.zeros((n, 4)), *three, np.zeros((n, 9)), np.zeros((n, 3, m)))
+    squeeze, bare, arm, across, reach = np.zeros((5, n, 3))
+    rotation, d_arm, order = np.zeros((n, 9)), np.zeros((n, 3, m)), np.arange(n)
+    share = np.zeros((n, 4))
+    return _Room(order.copy(), order.copy(), order, share, squeeze, bare, arm, across, reach, rotation, d_arm)
 
 
 @compiled_sums
