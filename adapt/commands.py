@@ -44,9 +44,9 @@ def adapt_command(
     near: tuple[float, ...] | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
+    from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
-    from adapt.run import adapt_into
     from capture.commands.region_options import region_near
     from capture.recording import open_recording
 
@@ -105,7 +105,7 @@ def print_subject(subject: Subject, out: Path) -> None:
 
 def print_sensors(settings: Mapping[str, Any]) -> None:
     """What was mended or left out, and how many frames of each sensor were used, with a warning where few were."""
-    from capture.settings import sensors_in_words
+    from capture.provenance import sensors_in_words
 
     for line in sensors_in_words(settings):
         stdout.print(line, highlight=False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import adapt.fit.recording as fitting
+import adapt.adapt_recording as fitting
 import adapt.search.candidates as finding
-from adapt.fit.recording import adapt_recording
+from adapt.adapt_recording import adapt_recording
 from adapt.match.skin_sample import sample_skin
 from adapt.model.body import pose_skin
 from adapt.model.size import resized
@@ -36,7 +36,7 @@ def candidates(limb, monkeypatch):
 
     def locate(body, target, sample, starts, *, good_m=0.0):
         poses = [try_pose(body, target, sample, start) for start in starts]
-        return min((pose for pose in poses if pose is not None), key=lambda pose: pose.badness_m)
+        return min((pose for pose in poses if pose is not None), key=lambda pose: pose.cost_m)
 
     monkeypatch.setattr(finding, "_CANDIDATES", LOOKED_AT)
     monkeypatch.setattr(fitting, "plausible", plausible)

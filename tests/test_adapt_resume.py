@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-import adapt.fit.recording as fitting
+import adapt.adapt_recording as fitting
 import adapt.search.candidates as finding
-from adapt.run import adapt_into, journal_path
+from adapt.adapt_to_file import adapt_into, journal_path
 from adapt.search.first_pose import try_pose
 from adapt.search.search_journal import FoundPoses
 from adapt.subject import load_subject

@@ -15,10 +15,10 @@ from click.testing import CliRunner
 from adapt.model.body import make_body
 from adapt.subject import load_subject, save_subject
 from capture.calibration.calibrate import write_calibration
+from capture.provenance import recording_used
 from capture.recording import open_recording
 from capture.recording.fingerprint import fingerprint
 from capture.recording.types import SensorCalibration
-from capture.settings import recording_used
 from tests.known_motion import known_motion, reported_subject
 from track.belonging import adapted_elsewhere, refuse_other_subject, subject_fingerprint, tracked_elsewhere
 from track.commands import track_command

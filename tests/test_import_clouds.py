@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from capture._open3d import open3d
 from capture.camera import Camera, backproject
 from capture.commands import import_command
-from capture.importers import Stated, import_recording
+from capture.importers import UserCamera, import_recording
 from capture.importers.axes import sensor_from_axes
 from capture.importers.lzf import unpack, unpacked
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-STATED = Stated(fx=60.0, size=(64, 48))
+STATED = UserCamera(fx=60.0, size=(64, 48))
 
 
 def points() -> np.ndarray:
@@ -63,7 +63,7 @@ def test_axes_of_either_handedness_put_points_where_they_were(tmp_path):
         ]
     ):
         path = ply(tmp_path / f"{number}.ply", stored)
-        stated = Stated(fx=60.0, size=(64, 48), axes=text)
+        stated = UserCamera(fx=60.0, size=(64, 48), axes=text)
         got = import_recording(path, tmp_path / f"rec{number}", stated=stated)
         np.testing.assert_array_equal(images(got)[0], readings())
 

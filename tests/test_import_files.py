@@ -15,7 +15,7 @@ from capture.camera import Camera, backproject
 from capture.commands import import_command
 from capture.commands.import_files import _FORMAT_NAMES
 from capture.errors import BonetrackError, RecordingError
-from capture.importers import FORMATS, Stated, import_recording
+from capture.importers import FORMATS, UserCamera, import_recording
 from capture.importers.azure_kinect import has_rays
 from capture.importers.realsense import Lens, camera_of
 from capture.projection import project
@@ -101,7 +101,7 @@ class TestRealSense:
 
 
 def test_a_stated_camera_overrides_the_files(tmp_path):
-    stated = Stated(fx=70.0, depth_unit_m=0.002)
+    stated = UserCamera(fx=70.0, depth_unit_m=0.002)
     sensor = import_recording(FILES / "realsense.db3", tmp_path / "rec", stated=stated).sensors[0]
     assert (sensor.camera.fx, sensor.camera.fy, sensor.camera.cx) == (70.0, 70.0, 31.5)
     assert sensor.depth_unit_m == 0.002
@@ -209,7 +209,7 @@ class TestAzureKinect:
     def test_without_calibration_the_focal_length_is_asked_for(self, tmp_path):
         path = self.write(tmp_path, calibration=None)
         refused(path, tmp_path, "focal length.*--fx")
-        stated = Stated(fx=252.0)
+        stated = UserCamera(fx=252.0)
         assert import_recording(path, tmp_path / "rec", stated=stated).sensors[0].camera.fx == 252.0
 
     @pytest.mark.parametrize(
@@ -342,6 +342,6 @@ def test_a_depth_image_that_claims_more_than_it_can_hold_is_refused_before_memor
 
     path = tmp_path / "bomb.png"
     path.write_bytes(png(16384, 16384))
-    refused(path, tmp_path, "impossible size", stated=Stated(fx=500.0))
+    refused(path, tmp_path, "impossible size", stated=UserCamera(fx=500.0))
     path.write_bytes(png(5000, 5000))
-    refused(path, tmp_path, "too short for the size", stated=Stated(fx=500.0))
+    refused(path, tmp_path, "too short for the size", stated=UserCamera(fx=500.0))

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from capture.camera import backproject
-from capture.importers import Stated, import_recording
+from capture.importers import UserCamera, import_recording
 from capture.recording import read_depth
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 from tests.two_sensors import CAMERA, limb_depth, poses
 
-STATED = Stated(fx=scene.FX)
+STATED = UserCamera(fx=scene.FX)
 
 
 def write_images(folder, *, colour=None, name="{:03d}.png"):
@@ -177,14 +177,14 @@ def test_other_clouds_are_projected_by_a_stated_camera(limb, order, tmp_path):
     depth, points = limb
     write_ply(tmp_path / "0.ply", points[np.isfinite(points).all(axis=1)][::-1], order=order)
     refused(tmp_path / "0.ply", tmp_path, r"focal length.*--fx")
-    stated = Stated(fx=CAMERA.fx, size=(CAMERA.width, CAMERA.height))
+    stated = UserCamera(fx=CAMERA.fx, size=(CAMERA.width, CAMERA.height))
     (sensor,) = import_recording(tmp_path / "0.ply", tmp_path / "rec", stated=stated).sensors
     np.testing.assert_allclose(read_depth(sensor, sensor.frames[0]), depth, atol=0.00006)
 
 
 def test_of_points_in_one_pixel_the_nearest_counts(tmp_path):
     points = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 1.0], [0.0, 0.0, 3.0]])
-    stated = Stated(fx=50.0, size=(11, 11))
+    stated = UserCamera(fx=50.0, size=(11, 11))
     sensor = import_recording(write_ply(tmp_path / "a.ply", points), tmp_path / "rec", stated=stated).sensors[0]
     assert read_depth(sensor, sensor.frames[0])[5, 5] == pytest.approx(1.0)
 
@@ -196,7 +196,7 @@ def test_faults_of_clouds_are_one_clear_line(limb, tmp_path):
     refused(write_pcd(path, -points, (CAMERA.width, CAMERA.height)), tmp_path, "points behind the sensor, .*--axes")
     shuffled = np.random.default_rng(0).permutation(points)
     refused(write_pcd(path, shuffled, (CAMERA.width, CAMERA.height)), tmp_path, "off any camera's pixels")
-    stated = Stated(fx=287.0, size=(320, 240))
+    stated = UserCamera(fx=287.0, size=(320, 240))
     refused(write_ply(tmp_path / "b.ply", -points), tmp_path, "points behind the sensor, .*--axes", stated=stated)
     for old, new, match in (
         (b"DATA binary", b"DATA binary_compressed", "its end is missing, or its points"),

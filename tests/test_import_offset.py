@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from capture.camera import Camera
 from capture.commands import import_command
 from capture.errors import RecordingError
-from capture.importers import DepthFrame, Source, Stated, estimate_offset, import_recording, motion_of
+from capture.importers import DepthFrame, Source, UserCamera, estimate_offset, import_recording, motion_of
 from capture.recording import Sensor, instants, open_recording
 from tests.test_import_files import FILES
 
@@ -149,7 +149,7 @@ def test_images_whose_names_tell_no_time_are_said_to_begin_at_once(tmp_path):
         write_raw(tmp_path / name, sees(performance(1), turn=0.0, start_s=5.0, seconds=0.5, fps=30.0, seed=seed))
         for seed, name in enumerate(("a.raw", "b.raw"))
     ]
-    stated = Stated(fx=70.0, size=(80, 60))
+    stated = UserCamera(fx=70.0, size=(80, 60))
     recording = import_recording(paths, tmp_path / "rec", stated=stated, offset="clock")
     assert "none has a clock, so all are taken to begin at once" in recording.created_by
     mixed = [of_the_computers_clock(tmp_path / "c.db3"), paths[0]]

@@ -8,13 +8,13 @@ import pytest
 from click.testing import CliRunner
 
 from capture.commands import import_command
-from capture.importers import Stated, import_recording
+from capture.importers import UserCamera, import_recording
 from capture.recording import open_recording
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 from tests.test_import_folders import write_images
 
-STATED = Stated(fx=60.0)
+STATED = UserCamera(fx=60.0)
 TABLE = scene.readings(0)
 
 
@@ -24,10 +24,10 @@ def test_the_pattern_holds_before_the_format_is_recognised(tmp_path):
     cv2.imwrite(str(folder / "preview.png"), np.zeros((8, 8, 3), np.uint8))
     for frame in range(3):
         (folder / f"depth-{frame}").write_bytes(scene.readings(frame).astype("<u2").tobytes())
-    stated = Stated(fx=60.0, size=(64, 48), pattern="depth-*")
+    stated = UserCamera(fx=60.0, size=(64, 48), pattern="depth-*")
     recording = import_recording(folder, tmp_path / "rec", stated=stated)
     np.testing.assert_array_equal(images(recording)[2], scene.readings(2))
-    refused(folder, tmp_path, r"no files like \*\.tif", stated=Stated(fx=60.0, pattern="*.tif"))
+    refused(folder, tmp_path, r"no files like \*\.tif", stated=UserCamera(fx=60.0, pattern="*.tif"))
 
 
 def test_a_recording_is_recognised_as_one(tmp_path):
@@ -64,7 +64,7 @@ def test_tables_of_metres_ask_for_their_unit(tmp_path):
     metres = np.where(TABLE > 0, TABLE * 1e-3, np.nan)
     table(tmp_path / "depth.txt", metres)
     refused(tmp_path / "depth.txt", tmp_path, r"decimals.*--unit-mm 1000 for metres", stated=STATED)
-    stated = Stated(fx=60.0, depth_unit_m=1.0)
+    stated = UserCamera(fx=60.0, depth_unit_m=1.0)
     (image,) = images(import_recording(tmp_path / "depth.txt", tmp_path / "rec", stated=stated))
     np.testing.assert_array_equal(image, TABLE * 10)
 

@@ -30,7 +30,7 @@ from track.observed_bones import (
     skin_shown,
 )
 from track.prediction import unsure_where_unknown
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
 

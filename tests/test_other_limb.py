@@ -17,7 +17,7 @@ from capture.recording import instants
 from tests.known_limb import bent, exact_cloud
 from track import first_look
 from track.motion import MotionError
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracker import Tracker, make_tracker
 
 _BESIDE = np.array([0.0, 0.0, -0.45])

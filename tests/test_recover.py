@@ -14,7 +14,7 @@ from track.backward_pass import anchors, go_back
 from track.cloud_change import look_of, looks_changed
 from track.motion import MotionError, load_motion
 from track.poses_by_hand import HandPose
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracked_frame import BACKWARD, BY_HAND, FOLLOWED, FOUND, TrackerState
 from track.tracker import Tracker, make_tracker
 

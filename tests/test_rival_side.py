@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.fit.recording import adapt_recording
+from adapt.adapt_recording import adapt_recording
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from adapt.mirror import mirrored, mirrored_body

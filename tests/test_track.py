@@ -29,7 +29,7 @@ from tests.known_limb import FPS, FRAMES, bent, exact_cloud, exact_target, known
 from track.motion import MotionError, load_motion
 from track.poses_by_hand import HandPose
 from track.prediction import predict
-from track.run import JOURNAL, track_recording
+from track.track_recording import JOURNAL, track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
 
@@ -69,11 +69,11 @@ def test_a_performance_is_followed_without_loss(limb, tracked):
             assert np.linalg.norm(motion.centres[name][t] - centre) < 0.015, (t, name)
 
 
-@pytest.mark.parametrize(("attached", "lost"), [(0.6, True), (0.2, False)])
-def test_a_limb_found_anew_whose_outline_lies_on_other_surface_is_lost(limb, tracker, monkeypatch, attached, lost):
+@pytest.mark.parametrize(("merged", "lost"), [(0.6, True), (0.2, False)])
+def test_a_limb_found_anew_whose_outline_lies_on_other_surface_is_lost(limb, tracker, monkeypatch, merged, lost):
     """A person's trunk has points near all the skin of an arm laid on it: only the outline tells."""
     scored = track.tracker.score_pose
-    monkeypatch.setattr(track.tracker, "score_pose", lambda *given: replace(scored(*given), attached=attached))
+    monkeypatch.setattr(track.tracker, "score_pose", lambda *given: replace(scored(*given), merged_outline=merged))
     frame, state = tracker.first(limb.targets[0], 0.0)
     assert ("outline lies on other surface" in frame.lost) == lost
     assert np.isnan(frame.theta).all() == lost
@@ -283,7 +283,7 @@ import sys
 from pathlib import Path
 from adapt.subject import load_subject
 from capture.recording import open_recording
-from track.run import track_recording
+from track.track_recording import track_recording
 recording, subject, out = map(Path, sys.argv[1:])
 track_recording(open_recording(recording), load_subject(subject), out)
 """

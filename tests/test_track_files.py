@@ -28,9 +28,9 @@ from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.motion_summary import print_motion
 from track.observed_bones import skin_shown
-from track.run import write_motion_folder
 from track.simulation.motion_table import read_motion_table
 from track.simulation.performance import PerformanceError
+from track.track_recording import write_motion_folder
 from track.view.charts import plot_angles
 
 LOST = 3

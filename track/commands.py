@@ -46,7 +46,7 @@ def track_command(
     from track.angles import read_thorax
     from track.belonging import adapted_elsewhere
     from track.poses_by_hand import read_poses
-    from track.run import track_recording
+    from track.track_recording import track_recording
 
     opened = open_recording(recording)
     person = load_subject(subject, anatomy=anatomy)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_to_file import adapt_into
 from adapt.anatomy_file import load_anatomy
 from adapt.commands import print_subject
-from adapt.run import adapt_into
 from adapt.subject import MARK, Subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import fuse
@@ -27,7 +27,7 @@ from track.accuracy.errors import evaluate_motion, write_evaluation
 from track.accuracy.truth import read_truth
 from track.motion import Motion
 from track.motion_summary import print_motion
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.view.charts import plot_angles
 from track.view.pictures import picture_fit
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from adapt.anatomy import Floats
+from capture.provenance import recording_used, region_used, sensors_used, versions
 from capture.recording import Recording, Region
-from capture.settings import recording_used, region_used, sensors_used, versions
 from track.poses_by_hand import HandPose
 
 

@@ -37,7 +37,7 @@ from track.tracked_frame import BY_HAND, FORGOTTEN_S, FOUND, TrackedFrame, Track
 
 SAMPLED_VERTICES = 2000
 LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything
-MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
+MOST_MERGED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
 FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
 _USUAL_M = 0.001  # matched skin of an adapted subject from its clouds, where its file does not say
@@ -75,7 +75,7 @@ class Tracker:
             "least_coverage": judge.FOLLOWED.coverage,
             "largest_skin_to_cloud_m": judge.FOLLOWED.skin_m,
             "least_bones_found_anew": LEAST_BONES,
-            "most_outline_on_other_surface": MOST_ATTACHED,
+            "most_outline_on_other_surface": MOST_MERGED,
             "found_anew_after_s": _PAST_S,
             "searched_after_s": FORGOTTEN_S,
             "compared_after_s": _COMPARED_S,
@@ -94,9 +94,9 @@ class Tracker:
             fit = _settled(body, target, start.fit.theta, self.sample)
         except FitError as error:
             return lost_frame(self.subject.anatomy, time_s, error.problem), None
-        attached = score_pose(body, target, fit, self.sample).attached
-        if attached > MOST_ATTACHED:
-            reason = f"{100 * attached:.0f} % of the limb's outline lies on other surface"
+        merged = score_pose(body, target, fit, self.sample).merged_outline
+        if merged > MOST_MERGED:
+            reason = f"{100 * merged:.0f} % of the limb's outline lies on other surface"
             return lost_frame(self.subject.anatomy, time_s, reason), None
         never = np.full(len(fit.theta), -np.inf)
         frame, known_s = self._judge(fit, target, time_s, never, least=LEAST_BONES)
@@ -168,7 +168,7 @@ class Tracker:
         if found is None:
             return frame, state
         was, now = (try_pose(self.subject.body, target, self.sample, theta) for theta in (frame.theta, anew.theta))
-        if now is None or (was is not None and was.badness_m < now.badness_m + CLEARLY_M):
+        if now is None or (was is not None and was.cost_m < now.cost_m + CLEARLY_M):
             return frame, state
         return anew, found
 

@@ -154,7 +154,7 @@ def _outwards(
             sized[k] = settle_size(body, targets[k], search)
         except FitError:
             continue
-    seed = min(sized, key=lambda k: sized[k].pose.badness_m, default=None)
+    seed = min(sized, key=lambda k: sized[k].pose.cost_m, default=None)
     if seed is not None:
         body = sized[seed].body
     if given:
@@ -220,7 +220,7 @@ def _posed_again(body: Body, candidate: Candidate, starts: list[Candidate], samp
     found = [pose for pose in tried if pose is not None]
     if not found:
         return candidate
-    return replace(candidate, pose=min(found, key=lambda pose: pose.badness_m))
+    return replace(candidate, pose=min(found, key=lambda pose: pose.cost_m))
 
 
 def told_of(doubted: Mapping[float, str]) -> str:

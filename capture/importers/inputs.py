@@ -8,9 +8,9 @@ from pathlib import Path
 
 from capture.errors import RecordingError
 from capture.importers.formats import open_source
-from capture.importers.parts import ShownBox
 from capture.importers.readings import Tally
-from capture.importers.source import Source, Stated
+from capture.importers.source import Source, UserCamera
+from capture.importers.time_ranges import ShownBox
 from capture.importers.times import Timed
 from capture.recording import Sensor
 
@@ -24,7 +24,7 @@ class Input:
 
     path: Path
     box_path: Path | None
-    stated: Stated
+    stated: UserCamera
     format_name: str | None
     source: Source
     sensor: Sensor
@@ -45,7 +45,7 @@ def open_inputs(
     paths: Path | Sequence[Path],
     out: Path,
     *,
-    stated: Stated | Sequence[Stated],
+    stated: UserCamera | Sequence[UserCamera],
     format_name: str | None,
     sensor_names: Sequence[str],
     box: ShownBox | None,
@@ -72,7 +72,7 @@ def open_inputs(
             where=out,
             remedy="give --box-source once for each",
         )
-    each = [stated] * len(listed) if isinstance(stated, Stated) else list(stated)
+    each = [stated] * len(listed) if isinstance(stated, UserCamera) else list(stated)
     inputs = []
     for path, box_path, own, name in zip(listed, box_paths or [None] * len(listed), each, names, strict=True):
         source = open_source(path, own, name=format_name)

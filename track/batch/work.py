@@ -82,12 +82,12 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     """Adapt the item's anatomy, unless its subject is given or adapted already, and track it."""
     import numpy as np
 
+    from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
-    from adapt.run import adapt_into
     from adapt.subject import load_subject
     from capture.cloud.region import automatic_region
     from capture.recording import Region, frames_used, open_recording
-    from track.run import track_recording
+    from track.track_recording import track_recording
 
     recording = _calibrated(open_recording(item.recording))
     region = None if item.region is None else Region(np.array(item.region[:3]), np.array(item.region[3:]))

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from adapt.adapt_recording import DEFAULT_POSES, adapt_recording
 from adapt.fit.alternate import adapt_body
 from adapt.fit.pose import match_pose
-from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin, weighted_by_tissue

@@ -15,11 +15,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.spatial import cKDTree
 
+from adapt.adapt_recording import DEFAULT_POSES
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.posterior import pose_covariance
-from adapt.fit.recording import DEFAULT_POSES
 from adapt.match.correspondences import Target, find_corres
 from adapt.match.point_grid import PointGrid
 from adapt.match.skin_sample import sample_skin
@@ -42,7 +42,7 @@ from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.benchmark.timing import Timing, timed
 from track.evaluation.skin_of_blocks import skin_of_blocks
 from track.prediction import predict
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from capture.simulation.sensor import NoiseModel
 from track.accuracy.errors import Evaluation, evaluate_motion
 from track.accuracy.truth import read_truth, world_from_common
@@ -20,7 +20,7 @@ from track.evaluation.made_up_motions import perform
 from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import reconstruction_of_poses
 from track.observed_bones import known_thetas
-from track.run import track_recording
+from track.track_recording import track_recording
 
 ANATOMY = "upper-limb-right"
 NOISES = {"Carmine": CARMINE, "no noise": NoiseModel()}

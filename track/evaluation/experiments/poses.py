@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
-from adapt.fit.recording import adapt_recording
 from adapt.model.body import make_body, rest_theta
 from adapt.model.pose_space import is_free
 from adapt.subject import Subject
@@ -19,8 +19,8 @@ from track.evaluation.experiments.experiment import Experiment, Result, markdown
 from track.evaluation.known import CARMINE, KnownRecording, centre_errors, record_known
 from track.evaluation.made_up_motions import joined, perform
 from track.evaluation.random_bodies import random_body
-from track.run import track_recording
 from track.simulation.performance import Performance
+from track.track_recording import track_recording
 
 ANATOMY = "upper-limb-right"
 MOTIONS = ("bend", "bend-and-twist")

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from adapt.adapt_recording import DEFAULT_POSES, adapt_recording
 from adapt.anatomy import Anatomy, Floats, anatomy_arrays
 from adapt.fit.alternate import Progress
-from adapt.fit.recording import DEFAULT_POSES, adapt_recording
 from adapt.own_anatomy import kept_anatomy
 from adapt.subject import MARK, Subject, save_subject
 from capture.cloud.fuse import Region

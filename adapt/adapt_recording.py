@@ -39,8 +39,8 @@ from adapt.subject import Subject
 from capture.cloud.fuse import Region
 from capture.errors import FitError
 from capture.journal import Journal
+from capture.provenance import recording_used, region_used, sensors_used, versions
 from capture.recording import Recording, instants, refuse_useless_depth
-from capture.settings import recording_used, region_used, sensors_used, versions
 
 DEFAULT_POSES = 6
 

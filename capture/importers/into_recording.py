@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Literal
 
 from capture.importers.inputs import Input, open_inputs
-from capture.importers.parts import Parts, ShownBox, Span
 from capture.importers.readings import Tally
 from capture.importers.shifts import time_shifts
-from capture.importers.source import Stated
+from capture.importers.source import UserCamera
+from capture.importers.time_ranges import Parts, ShownBox, Span
 from capture.importers.times import Timed
 from capture.importers.written_frames import Progress, write_box_frames, write_frames
 from capture.recording import Recording, RecordingWriter, open_recording
 from capture.recording.clocks import refuse_clocks_apart, refuse_impossible_rate
 from capture.rigid import Floats
 
-_NOTHING_STATED = Stated()
+_NOTHING_STATED = UserCamera()
 
 _RATE = "If they stand in names of files, state the true rate with --fps (1 for stills)"
 
@@ -30,7 +30,7 @@ def import_recording(
     paths: Path | Sequence[Path],
     out: Path,
     *,
-    stated: Stated | Sequence[Stated] = _NOTHING_STATED,
+    stated: UserCamera | Sequence[UserCamera] = _NOTHING_STATED,
     format_name: str | None = None,
     sensor_names: Sequence[str] = (),
     offset: Literal["motion", "clock"] | float = "motion",
