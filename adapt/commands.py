@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from capture.commands.region_options import near_option, region_option
-from capture.console import stdout
+from capture.console import stdout, tell
 
 if TYPE_CHECKING:
     from adapt.subject import Subject
@@ -47,24 +47,20 @@ def adapt_command(
     from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
+    from adapt.options import AdaptOptions
     from capture.commands.region_options import region_near
     from capture.recording import open_recording
 
     template = load_anatomy(anatomy)
     opened = open_recording(recording)
-    chosen = _frame_numbers(frames)
-    given = read_first_poses(first_poses, template) if first_poses else None
+    options = AdaptOptions(
+        poses=poses,
+        frames=_frame_numbers(frames),
+        first_poses=read_first_poses(first_poses, template) if first_poses else {},
+        region=region_near(opened, region, near),
+    )
     with stdout.status("adapting") as status:
-        subject = adapt_into(
-            out,
-            opened,
-            template,
-            poses=poses,
-            frames=chosen,
-            first_poses=given,
-            region=region_near(opened, region, near),
-            progress=status.update,
-        )
+        subject = adapt_into(out, opened, template, options, progress=status.update, told=tell)
     print_subject(subject, out)
 
 

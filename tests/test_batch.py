@@ -128,8 +128,8 @@ def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_
     swinging(tmp_path / "r2", LEFT, RIGHT)
     regions = []
 
-    def noted(recording, subject, out, *, region):
-        regions.append(region)
+    def noted(recording, subject, out, options, **_):
+        regions.append(options.region)
         raise CloudError("far enough")
 
     monkeypatch.setattr("track.track_recording.track_recording", noted)

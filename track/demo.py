@@ -16,7 +16,7 @@ from adapt.commands import print_subject
 from adapt.subject import MARK, Subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import fuse
-from capture.console import stdout
+from capture.console import stdout, tell
 from capture.errors import RecordingError
 from capture.own import PNG, refuse_any_foreign, refuse_foreign
 from capture.recording import Recording, instants, open_recording
@@ -50,11 +50,15 @@ def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
         write_calibration(recording, calibrate_recording(recording))
         recording = open_recording(recording.path)
     with _step("adapting the anatomy") as note:
-        subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note)
+        subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note, told=tell)
     print_subject(subject, out / "subject.npz")
     with _step("tracking") as note:
         motion = track_recording(
-            recording, subject, out / "motion", progress=lambda done, total: note(f"tracking: {done} of {total} frames")
+            recording,
+            subject,
+            out / "motion",
+            progress=lambda done, total: note(f"tracking: {done} of {total} frames"),
+            told=tell,
         )
     print_motion(motion, subject)
     with _step("comparing with the truth"):

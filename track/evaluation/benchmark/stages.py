@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.spatial import cKDTree
 
-from adapt.adapt_recording import DEFAULT_POSES
 from adapt.fit.follow import follow_pose
 from adapt.fit.least_squares import data_term, levenberg_marquardt
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
@@ -27,6 +26,7 @@ from adapt.match.visibility import pixel_of
 from adapt.model.body import pose_skin, pose_skin_varying
 from adapt.model.pose_space import moved_rigidly
 from adapt.model.surface import incidence, vertex_normals
+from adapt.options import AS_USUAL
 from adapt.search.coarse_cost import Placements, Scene, costs, costs_by_arrays
 from adapt.search.pose_score import find_skin
 from adapt.subject import Subject
@@ -258,7 +258,7 @@ def simulated_subject(recording: Recording) -> Subject:
     """
     truth = read_truth(recording)
     common_from_world = inverse(world_from_common(recording, truth))
-    few = np.linspace(0, len(truth.times) - 1, DEFAULT_POSES).round().astype(int)
+    few = np.linspace(0, len(truth.times) - 1, AS_USUAL.poses).round().astype(int)
     thetas = np.array([moved_rigidly(truth.body.anatomy, truth.thetas[k], common_from_world) for k in few])
     return Subject(truth.body, thetas, truth.times[few], 1e-6 * np.eye(len(truth.body.shape)), {})
 

@@ -11,6 +11,7 @@ import numpy as np
 from adapt.adapt_recording import adapt_recording
 from adapt.anatomy_file import load_anatomy
 from adapt.model.body import joint_centres
+from adapt.options import AdaptOptions
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import BonetrackError
 from capture.recording import Calibration, Recording
@@ -134,7 +135,7 @@ def _subject(known: KnownRecording, condition: Condition, folder: Path) -> Subje
     """The subject under a condition, adapted if that has not been done yet."""
     path = folder / "subject.npz"
     if not path.is_file():
-        save_subject(adapt_recording(known.recording, known.body.anatomy, poses=condition.poses), path)
+        save_subject(adapt_recording(known.recording, known.body.anatomy, AdaptOptions(poses=condition.poses)), path)
     return load_subject(path)
 
 
