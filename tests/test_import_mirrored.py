@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from capture.camera import Camera, backproject
 from capture.commands import import_command
 from capture.errors import RecordingError
-from capture.importers import UserCamera, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from capture.importers.mirror import unmirrored_camera
 from capture.projection import project
 from capture.recording import RecordingWriter, Sensor, open_recording, read_depth
@@ -39,7 +39,7 @@ def test_mirrored_images_come_in_true_with_the_camera_and_a_note(tmp_path):
     for frame in range(3):
         cv2.imwrite(str(folder / f"{frame}.png"), scene.readings(frame)[:, ::-1])
     stated = UserCamera(fx=60.0, cx=30.0, distortion=(0.1, 0.0, 0.01, -0.02), mirrored=True)
-    recording = import_recording(folder, tmp_path / "rec", stated=stated)
+    recording = import_recording(folder, tmp_path / "rec", ImportOptions(cameras=stated))
     (sensor,) = recording.sensors
     for frame, image in enumerate(images(recording)):
         np.testing.assert_array_equal(image, scene.readings(frame))
@@ -48,7 +48,7 @@ def test_mirrored_images_come_in_true_with_the_camera_and_a_note(tmp_path):
     assert "turned back" in recording.created_by
 
     plain = import_recording(
-        folder, tmp_path / "plain", stated=UserCamera(fx=60.0, cx=30.0, distortion=stated.distortion)
+        folder, tmp_path / "plain", ImportOptions(cameras=UserCamera(fx=60.0, cx=30.0, distortion=stated.distortion))
     )
     assert not plain.sensors[0].mirrored
     true, false = (backproject(one.camera, read_depth(one, one.frames[0])) for one in (sensor, plain.sensors[0]))
@@ -57,7 +57,9 @@ def test_mirrored_images_come_in_true_with_the_camera_and_a_note(tmp_path):
 
 def test_the_colour_images_beside_mirrored_depth_are_turned_too(tmp_path):
     folder = write_images(tmp_path / "folder", colour="color")
-    recording = import_recording(folder, tmp_path / "rec", stated=UserCamera(fx=scene.FX, mirrored=True))
+    recording = import_recording(
+        folder, tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=scene.FX, mirrored=True))
+    )
     colour = recording.sensors[0].colour
     np.testing.assert_array_equal(cv2.imread(str(colour.frames[0].path))[..., ::-1], scene.colour(0)[:, ::-1])
     assert colour.camera == recording.sensors[0].camera
@@ -73,14 +75,14 @@ def test_clouds_are_mirrored_in_x(tmp_path):
     )
     (tmp_path / "cloud.ply").write_text(f"{header}end_header\n{lines}\n")
     stated = UserCamera(fx=60.0, size=(64, 48), mirrored=True)
-    (image,) = images(import_recording(tmp_path / "cloud.ply", tmp_path / "rec", stated=stated))
+    (image,) = images(import_recording(tmp_path / "cloud.ply", tmp_path / "rec", ImportOptions(cameras=stated)))
     np.testing.assert_array_equal(image, scene.readings(0) * 10)
 
 
 def test_a_file_that_says_that_it_is_mirrored_is_turned_once(tmp_path):
     name = FILES / "openni-mirrored-jpeg.oni"
     by_itself = import_recording(name, tmp_path / "a")
-    asked = import_recording(name, tmp_path / "b", stated=UserCamera(mirrored=True))
+    asked = import_recording(name, tmp_path / "b", ImportOptions(cameras=UserCamera(mirrored=True)))
     assert by_itself.sensors[0].mirrored
     assert by_itself.sensors[0].camera == asked.sensors[0].camera
     np.testing.assert_array_equal(images(by_itself)[0], images(asked)[0])
@@ -89,7 +91,11 @@ def test_a_file_that_says_that_it_is_mirrored_is_turned_once(tmp_path):
 
 def test_a_camera_stated_for_a_mirrored_file_is_that_of_its_images(tmp_path):
     stated = UserCamera(fx=60.0, cx=40.0)
-    camera = import_recording(FILES / "openni-mirrored-jpeg.oni", tmp_path / "rec", stated=stated).sensors[0].camera
+    camera = (
+        import_recording(FILES / "openni-mirrored-jpeg.oni", tmp_path / "rec", ImportOptions(cameras=stated))
+        .sensors[0]
+        .camera
+    )
     assert camera.cx == scene.WIDTH - 1 - 40.0
 
 

@@ -13,6 +13,8 @@ from adapt.commands import adapt_command
 from adapt.options import AdaptOptions
 from adapt.subject import save_subject
 from capture.cloud.fuse import Region
+from capture.commands.import_files import import_command
+from capture.importers import ImportOptions
 from track.commands import track_command
 from track.motion import MotionError
 from track.options import TrackOptions
@@ -24,20 +26,28 @@ NEAR_BY = Region(np.full(3, -1.0), np.full(3, 1.0))
 ADAPT = {"poses": 5, "frames": [4, 2], "first_poses": {3: np.zeros(10)}, "region": NEAR_BY}
 TRACK = {"poses": [HandPose("raised", 1, np.zeros(10))], "thresholds": Thresholds(least_coverage=0.6)}
 CHANGES_NO_POSE = {"world_from_thorax", "keep_searching"}
-UNDER_ANOTHER_NAME = {"world_from_thorax": "thorax", "thresholds": "threshold"}
+UNDER_ANOTHER_NAME = {
+    "world_from_thorax": "thorax",
+    "thresholds": "threshold",
+    "cameras": "fx",
+    "sensor_names": "sensor",
+}
 
 
 def flat(parts):
     return [part if isinstance(part, str) else part.tobytes() for part in parts]
 
 
-@pytest.mark.parametrize(("command", "options"), [(adapt_command, AdaptOptions), (track_command, TrackOptions)])
+COMMANDS = [(adapt_command, AdaptOptions), (track_command, TrackOptions), (import_command, ImportOptions)]
+
+
+@pytest.mark.parametrize(("command", "options"), COMMANDS)
 def test_a_command_asks_for_every_option_and_leaves_it_as_usual(command: click.Command, options: type) -> None:
     asked = {parameter.name: parameter for parameter in command.params}
     for field in fields(options):
         parameter = asked[UNDER_ANOTHER_NAME.get(field.name, field.name)]
         usual = getattr(options(), field.name)
-        if isinstance(usual, bool | int):
+        if isinstance(usual, bool | int | str):
             assert (parameter.get_default(click.Context(command)) or False) == usual, field.name
         else:
             assert not parameter.required, field.name

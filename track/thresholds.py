@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -73,11 +73,10 @@ def thresholds_of(stated: Iterable[tuple[str, float]]) -> Thresholds:
         ...
     track.motion.MotionError: no threshold is called coverage; there are sampled_vertices, largest_residual_m, ...
     """
-    usual = {one.name: type(one.default) for one in fields(Thresholds)}
-    given = dict(stated)
+    usual, given = asdict(Thresholds()), dict(stated)
     if strange := sorted(set(given) - set(usual)):
         raise MotionError(f"no threshold is called {strange[0]}", remedy=f"there are {', '.join(usual)}")
-    return replace(Thresholds(), **{name: usual[name](value) for name, value in given.items()})
+    return replace(Thresholds(), **{name: type(usual[name])(value) for name, value in given.items()})
 
 
 USUAL = Thresholds()

@@ -5,6 +5,7 @@ from capture.importers.images import Kind, import_images, source_files
 from capture.importers.into_recording import import_recording
 from capture.importers.names import natural_order
 from capture.importers.offset import MotionSignal, Offset, estimate_offset, motion_of
+from capture.importers.options import ImportOptions
 from capture.importers.source import ColourFrame, DepthFrame, Source, UserCamera
 from capture.importers.time_ranges import ShownBox
 
@@ -12,6 +13,7 @@ __all__ = [
     "FORMATS",
     "ColourFrame",
     "DepthFrame",
+    "ImportOptions",
     "Kind",
     "MotionSignal",
     "Offset",
