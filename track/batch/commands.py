@@ -37,7 +37,7 @@ def batch_command(
     from rich.progress import Progress
 
     from track.batch.items import BatchError, read_items
-    from track.batch.run import TABLE, run_batch
+    from track.batch.run_batch import TABLE, run_batch
 
     items = read_items(source, anatomy=anatomy)
     with Progress(console=stdout, transient=True) as bar:
