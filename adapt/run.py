@@ -11,6 +11,7 @@ from pathlib import Path
 from adapt.anatomy import Anatomy, Floats, anatomy_arrays
 from adapt.fit.alternate import Progress
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.own_anatomy import kept_anatomy
 from adapt.subject import MARK, Subject, save_subject
 from capture.cloud.fuse import Region
@@ -31,6 +32,7 @@ def adapt_into(
     frames: Sequence[int] | None = None,
     first_poses: Mapping[int, Floats] | None = None,
     region: Region | None = None,
+    person: Person = ANYBODY,
     progress: Progress = lambda _: None,
 ) -> Subject:
     """``adapt_recording`` with its result written to the file ``out``, and resumed after a kill.
@@ -44,7 +46,7 @@ def adapt_into(
     kept_anatomy(anatomy)  # so is one that is too large for a subject
     out.parent.mkdir(parents=True, exist_ok=True)
     remove_left_over(out.parent, [out.name, journal_path(out).name])
-    key = _key(recording, anatomy, f"{poses} {frames}", first_poses or {}, region or recording.region)
+    key = _key(recording, anatomy, f"{poses} {frames} {person}", first_poses or {}, region or recording.region)
     journal = resume_journal(journal_path(out), key)
     try:
         subject = adapt_recording(
@@ -54,6 +56,7 @@ def adapt_into(
             frames=frames,
             first_poses=first_poses,
             region=region,
+            person=person,
             journal=journal,
             progress=progress,
         )

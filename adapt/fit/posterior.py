@@ -35,6 +35,7 @@ from adapt.match.correspondences import Correspondences, Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body, pose_skin_varying
 from adapt.model.handles import local_scale
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.errors import FitError
@@ -43,10 +44,11 @@ _SAMPLED_VERTICES = 2000
 _ENOUGH = 400  # matches spread over the limb: with twice as many, deviations differ by 1 to 2 %
 
 
-def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> Floats:
+def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float, person: Person = ANYBODY) -> Floats:
     """Covariance (m + q, m + q) of the shape and the tissue's coefficients of a body that was adapted to K clouds.
 
-    ``fits`` are its poses there; ``noise_m`` is the standard deviation of a patch's distance from the cloud.
+    ``fits`` are its poses there; ``noise_m`` is the standard deviation of a patch's distance from the cloud;
+    ``person`` is what is said of whose body it is.
     """
     anatomy = body.anatomy
     fine, c = split_tissue(body, tissue_field(anatomy))
@@ -54,7 +56,7 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> F
     x = np.concatenate([body.shape, c, *(fit.theta for fit in fits)])
     sample = trusted(weighted_by_tissue(sample_skin(anatomy), anatomy), noise_m)
     matches = [fit.matches for fit in fits]
-    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT)
+    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT, person)
     covariance = np.linalg.inv(energy.quadratic(x).hessian)[: of.m + of.q, : of.m + of.q]
     return np.asarray(0.5 * (covariance + covariance.T))
 

@@ -18,9 +18,12 @@ from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
+from adapt.fit.stated_person import person_report
 from adapt.match.skin_sample import SkinSample, sample_skin
-from adapt.model.body import Body, make_body
+from adapt.model.body import Body
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.model.shape.prior import overall_size
+from adapt.model.size import expected_body
 from adapt.search.candidates import (
     FEWEST_POSES,
     Candidate,
@@ -53,6 +56,7 @@ def adapt_recording(
     frames: Sequence[int] | None = None,
     first_poses: Mapping[int, Floats] | None = None,
     region: Region | None = None,
+    person: Person = ANYBODY,
     journal: Journal | None = None,
     progress: Progress = lambda _: None,
 ) -> Subject:
@@ -65,6 +69,7 @@ def adapt_recording(
         frames: indices of instants to adapt to, instead of the automatic choice.
         first_poses: theta (n,) by index of instant, instead of the automatic search; these instants are looked at.
         region: where the limb is, instead of the automatic region of interest.
+        person: height, mass and sex, as far as they are stated.
         journal: what an earlier run with the same arguments found, and where what is found is written.
         progress: told in words what is being done.
 
@@ -74,9 +79,10 @@ def adapt_recording(
     """
     refuse_useless_depth(recording)
     moments = instants(recording)
-    known, body = dict(first_poses or {}), make_body(anatomy)
+    known, body = dict(first_poses or {}), expected_body(anatomy, person)
     wanted = frames_to_look_at(recording, moments, poses, frames, known)
-    body, candidates = pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
+    found = FoundPoses(journal)
+    body, candidates = pose_candidates(recording, body, moments, wanted, known, region, found, progress, person)
     refuse_what_nobody_is(body, recording.path)
     sample = sample_skin(anatomy, at_most=2000)
     usable, doubted = _usable(candidates, poses if frames is None else FEWEST_POSES, len(wanted), recording)
@@ -85,16 +91,16 @@ def adapt_recording(
     sample = without(sample, lost.skin)
     if frames is None:
         progress("choosing example poses")
-        body, usable, others, again = choose(body, usable, sample, poses)
+        body, usable, others, again = choose(body, usable, sample, poses, person)
         doubted |= again
     if not known and keeps_to_its_side(anatomy):
         usable, others, crossed = _of_the_asked_leg(body, usable, others, sample, recording)
         doubted |= crossed
-    side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
-    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress)
+    side = _asked_side(body, usable, lost, recording, sample, progress, person, chosen=bool(known))
+    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress, person)
     refuse_what_nobody_is(adaptation.body, recording.path)
     settings = _settings(recording, region, frames, known, poses if frames is None else len(usable))
-    return _subject(adaptation, usable, settings, side, lost, doubted | left_out)
+    return _subject(adaptation, usable, settings, side, lost, doubted | left_out, person)
 
 
 def _usable(
@@ -154,6 +160,7 @@ def _asked_side(
     recording: Recording,
     sample: SkinSample,
     progress: Progress,
+    person: Person,
     *,
     chosen: bool,
 ) -> SideEvidence | None:
@@ -164,7 +171,7 @@ def _asked_side(
     progress("which side, and which limb")
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = overall_size(body)
-    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
+    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin, person=person)
     side = None if side is None else replace(side, beside=sum(c.beside is not None for c in used))
     try:
         if not chosen:
@@ -184,6 +191,7 @@ def _adapted(
     side: SideEvidence | None,
     recording: Recording,
     progress: Progress,
+    person: Person,
 ) -> tuple[Adaptation, list[Candidate], dict[float, str]]:
     """Algorithm 4, the poses it rests on, and by their times those that failed the judge; without these it is redone.
 
@@ -194,7 +202,14 @@ def _adapted(
     unseen = [(c.target, c.pose.fit.theta) for c in others]
     apart_m = 0.0 if side is None else side.asked_m
     adaptation = adapt_body(
-        body, targets, thetas, unseen=unseen, gone=lost.skin, by_proportions_m=apart_m, progress=progress
+        body,
+        targets,
+        thetas,
+        unseen=unseen,
+        gone=lost.skin,
+        by_proportions_m=apart_m,
+        person=person,
+        progress=progress,
     )
     whole = without(sample_skin(body.anatomy), lost.skin)
     judged = [judge_fit(adaptation.body, *pose, whole, ADAPTED) for pose in zip(targets, adaptation.fits, strict=True)]
@@ -209,7 +224,7 @@ def _adapted(
             remedy="is it the person, with the region, the unit and the focal length right? Choose other frames, "
             "or give first poses",
         )
-    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress)
+    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress, person)
     return adaptation, kept, failed | further
 
 
@@ -230,6 +245,7 @@ def _subject(
     side: SideEvidence | None,
     lost: NeverSeen,
     left_out: Mapping[float, str],
+    person: Person,
 ) -> Subject:
     body = adaptation.body
     sample = without(sample_skin(body.anatomy), lost.skin)
@@ -244,6 +260,7 @@ def _subject(
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
         "settings": settings,
+        **person_report(adaptation, person),
         **lost.report(body.anatomy),
     }
     times = np.array([candidate.instant.time_s for candidate in used])

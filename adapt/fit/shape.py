@@ -29,7 +29,8 @@ from adapt.match.correspondences import GATE_M, Correspondences, Target
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin, shaped_skin
 from adapt.model.pose_space import wrap
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.population import ANYBODY, Person
+from adapt.model.shape.prior import ShapePrior, shape_prior
 from adapt.tissue import TissueField, tissue_field
 from capture.compiled import compiled_sums
 
@@ -75,11 +76,14 @@ def fit_shape(
     thetas: Floats,
     sample: SkinSample,
     *,
+    person: Person = ANYBODY,
     updates: int = 8,
     steps: int = 3,
     gate_m: float = GATE_M,
 ) -> ShapeFit:
     """Fit shape, coarse soft tissue and poses together, from ``body`` and ``thetas`` (K, n), to K clouds.
+
+    ``person`` is what is said of whose they are.
 
     Raises:
         FitError: a pose finds too few correspondences.
@@ -92,7 +96,7 @@ def fit_shape(
     for _ in range(updates):
         matches = [match_pose(body, target, x[of.pose(k)], sample, gate_m=gates[k]) for k, target in enumerate(targets)]
         gates = [next_gate(match, gate_m) for match in matches]
-        energy = ShapeEnergy(body, fine, matches, sample, of)
+        energy = ShapeEnergy(body, fine, matches, sample, of, person=person)
         before = x
         x = levenberg_marquardt(energy.quadratic, before, steps=steps, energy=energy.value)
         for k in range(len(targets)):
@@ -103,7 +107,7 @@ def fit_shape(
             break
     covariance = np.asarray(np.linalg.inv(energy.quadratic(x).hessian), dtype=np.float64)
     shape = covariance[: of.m, : of.m]
-    held = np.trace(shape @ shape_precision(anatomy, body.affine)) + np.trace(covariance[of.tissue, of.tissue])
+    held = np.trace(shape @ energy.prior.precision) + np.trace(covariance[of.tissue, of.tissue])
     return ShapeFit(body, x[of.m + of.q :].reshape(len(targets), of.n), shape, len(x) - float(held))
 
 
@@ -126,6 +130,12 @@ class ShapeEnergy:
     sample: SkinSample
     of: Unknowns
     plane_weight: float = PLANE_WEIGHT
+    person: Person = ANYBODY
+
+    @cached_property
+    def prior(self) -> ShapePrior:
+        """What is known of the body's proportions beforehand."""
+        return shape_prior(self.body.anatomy, self.body.affine, self.person)
 
     @cached_property
     def seen(self) -> Ints:
@@ -204,8 +214,7 @@ class ShapeEnergy:
         return body
 
     def _expected(self, x: Floats) -> Quadratic:
-        affine = self.body.affine
-        return gaussian_term(x[: self.of.m], affine.identity, shape_precision(self.body.anatomy, affine))
+        return gaussian_term(x[: self.of.m], self.prior.mean, self.prior.precision)
 
 
 @compiled_sums
