@@ -12,10 +12,11 @@ from scipy.sparse.linalg import spsolve
 from adapt.anatomy import Floats
 from adapt.fit.examples import choose_examples
 from adapt.fit.first_poses import read_first_poses
-from adapt.fit.least_squares import Quadratic, data_term, gaussian_term, levenberg_marquardt
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.pose import GaussianPose, PoseEnergy, fit_pose, match_pose
 from adapt.fit.priors import range_term
-from adapt.fit.shape import ShapeEnergy, Unknowns, fit_shape
+from adapt.fit.problem import Quadratic, Unknowns, data_term, gaussian_term
+from adapt.fit.shape import ShapeEnergy, fit_shape
 from adapt.fit.skin import STIFFNESS, Factor, fit_skin
 from adapt.match.correspondences import GATE_M, Correspondences, Target, find_corres
 from adapt.match.skin_sample import sample_skin
@@ -404,11 +405,10 @@ def test_a_known_shape_comes_back_from_exact_clouds(arm, person, shaped):
     assert max(apart) < 0.005
 
 
-def test_a_shapes_covariance_is_positive_and_smaller_than_what_was_known_before(arm, shaped):
-    assert (np.linalg.eigvalsh(shaped.covariance) > 0.0).all()
-    before = np.linalg.inv(shape_prior(arm, affine_set(arm)).precision)
-    assert (np.diag(shaped.covariance) <= np.diag(before) * (1.0 + 1e-6)).all()
-    assert np.diag(shaped.covariance).sum() < 0.2 * np.diag(before).sum()
+def test_the_data_decide_the_poses_and_some_but_not_all_of_shape_and_tissue(arm, shaped):
+    poses = shaped.thetas.size
+    body = len(shaped.body.shape) + tissue_field(arm).modes.shape[1]
+    assert poses + 0.1 * body < shaped.parameters < poses + 0.9 * body
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import pytest
 import track.tracker
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
+from adapt.fit.posterior import inflate_unobserved
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, rest_theta
@@ -29,7 +30,7 @@ from track.observed_bones import (
     known_thetas,
     skin_shown,
 )
-from track.prediction import unsure_where_unknown
+from track.prediction import guess_deviation
 from track.run import track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
@@ -151,7 +152,7 @@ def test_what_is_not_known_grows_unsure_up_to_its_whole_range(arm):
     told = np.full((n, n), 1e-5) + np.eye(n) * 1e-4
     deviations = []
     for unknown_s in (0.0, 1 / 30, 0.05, 0.1, 10.0, np.inf):
-        covariance = unsure_where_unknown(arm, told, np.where(np.arange(n) == i, unknown_s, 0.0))
+        covariance = inflate_unobserved(told, guess_deviation(arm, np.where(np.arange(n) == i, unknown_s, 0.0)))
         assert (np.linalg.eigvalsh(covariance) > 0.0).all()
         np.testing.assert_array_equal(np.delete(np.diag(covariance), i), np.delete(np.diag(told), i))
         deviations.append(float(np.sqrt(covariance[i, i])))

@@ -11,10 +11,11 @@ import pytest
 from adapt.anatomy import Floats
 from adapt.fit import alternate
 from adapt.fit.alternate import adapt_body
-from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, PATCH_M2, levenberg_marquardt
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseEnergy, PoseFit, fit_pose
 from adapt.fit.posterior import body_covariance, pose_covariance, pose_sensitivity, unseen_noise
+from adapt.fit.problem import CERTAINTY_PLANE_WEIGHT, PATCH_M2
 from adapt.match.correspondences import Correspondences
 from adapt.match.skin_sample import SkinSample, sample_skin
 from adapt.model.body import Body, make_body, pose_skin

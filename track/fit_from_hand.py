@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import GaussianPose, fit_pose
+from adapt.fit.problem import SEARCH_PLANE_WEIGHT
 from adapt.match.correspondences import Target
 from adapt.search.first_pose import variations
 from adapt.search.pose_score import ScoredPose, score_pose

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from adapt.anatomy import Floats
+from adapt.fit.posterior import deviations
 from adapt.match.correspondences import Target
 from adapt.model.pose_space import reported_coordinates, root_coordinates
 from adapt.subject import Subject
@@ -237,14 +238,13 @@ def _motion(subject: Subject, frames: list[TrackedFrame], settings: Settings) ->
     thetas = np.array([frame.theta for frame in frames])
     shown = np.array([frame.shown for frame in frames])
     transforms, centres = bones_and_centres(subject, thetas, shown)
-    deviations = np.array([np.sqrt(np.diag(frame.covariance)) for frame in frames])
-    deviations[~np.isfinite(thetas)] = np.nan
+    sure = np.where(np.isfinite(thetas), deviations(np.array([frame.covariance for frame in frames])), np.nan)
     return Motion(
         anatomy=subject.anatomy.name,
         coordinates=coordinate_names(subject.anatomy),
         times=np.array([frame.time_s for frame in frames]),
         thetas=thetas,
-        deviations=deviations,
+        deviations=sure,
         lost=tuple(frame.lost for frame in frames),
         how=tuple("" if frame.lost else frame.how for frame in frames),
         shown=shown,

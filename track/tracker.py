@@ -18,7 +18,7 @@ from adapt.fit.follow import follow_pose
 from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
 from adapt.fit.never_seen import skin_of, without
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
-from adapt.fit.posterior import pose_covariance
+from adapt.fit.posterior import inflate_unobserved, pose_covariance
 from adapt.fit.unobserved import towards_rest
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin
@@ -31,8 +31,8 @@ from adapt.subject import Subject, as_adapted
 from capture.errors import FitError
 from track.cloud_change import look_of, looks_changed
 from track.observed_bones import bones_shown, coordinates_known, coordinates_seen
-from track.out_of_step import late_lever
-from track.prediction import predict, unsure_where_unknown
+from track.out_of_step import lever_of_late
+from track.prediction import guess_deviation, predict
 from track.tracked_frame import BY_HAND, FORGOTTEN_S, FOUND, TrackedFrame, TrackerState, lost_frame
 
 SAMPLED_VERTICES = 2000
@@ -222,10 +222,13 @@ class Tracker:
             shown[:] = False
         known_s = np.where(coordinates_known(anatomy, shown[None])[0], time_s, known_s)
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
-        covariance = unsure_where_unknown(anatomy, pose_covariance(self.subject, fit, self.sample), time_s - known_s)
+        guessed = guess_deviation(anatomy, time_s - known_s)
+        covariance = inflate_unobserved(pose_covariance(self.subject, fit, self.sample), guessed)
         quality = (fit.residual_m, found.whole.skin_m, found.whole.coverage, len(fit.matches))
         frame = TrackedFrame(time_s, theta, covariance, shown, *quality, lost)
-        return frame if lost else replace(frame, late=late_lever(self.subject.body, target, fit, self.sample)), known_s
+        return frame if lost else replace(
+            frame, late=lever_of_late(self.subject.body, target, fit, self.sample)
+        ), known_s
 
 
 def _search_is_due(state: TrackerState) -> bool:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import LEAST_M, patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
 from adapt.fit.posterior import body_covariance, unseen_noise
+from adapt.fit.problem import SIGMA_M
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import Factor, fit_skin
 from adapt.match.correspondences import Correspondences, Target

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.least_squares import Quadratic
+from adapt.fit.problem import Quadratic
 
 RANGE_SIGMA_RAD = np.deg2rad(2.0)  # how softly a joint's range ends
 

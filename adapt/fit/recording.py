@@ -18,6 +18,7 @@ from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
+from adapt.fit.posterior import deviations
 from adapt.fit.stated_person import person_report
 from adapt.match.skin_sample import SkinSample, sample_skin
 from adapt.model.body import Body
@@ -231,10 +232,10 @@ def _adapted(
 def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
     """How large the body is at each joint against the template, with one standard deviation."""
     body = adaptation.body
-    deviations = np.sqrt(np.diag(adaptation.covariance))[body.affine.scale_columns]
+    sure = deviations(adaptation.covariance)[body.affine.scale_columns]
     return {
         joint: {"scale": float(scale), "sd": float(deviation)}
-        for joint, scale, deviation in zip(body.affine.groups, body.affine.scales(body.shape), deviations, strict=True)
+        for joint, scale, deviation in zip(body.affine.groups, body.affine.scales(body.shape), sure, strict=True)
     }
 
 

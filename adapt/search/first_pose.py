@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import fit_pose
+from adapt.fit.problem import SEARCH_PLANE_WEIGHT
 from adapt.fit.unobserved import towards_rest
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin

@@ -171,7 +171,7 @@ def of_men_and_women(measure: str) -> tuple[Floats, Floats]:
 
     >>> means, deviations = of_men_and_women("foot")
     >>> (1e3 * means).round().tolist(), (100 * deviations).round(1).tolist()
-    ([271.0, 246.0], [4.8, 5.0])
+    ([271.0, 246.0], [4.8, 5.1])
     """
     measures, means, covariances = _survey()
     k = measures.index(measure)

@@ -9,8 +9,9 @@ import numpy as np
 
 from adapt.fit.alternate import adapt_body
 from adapt.fit.pose import match_pose
+from adapt.fit.problem import Unknowns
 from adapt.fit.recording import DEFAULT_POSES, adapt_recording
-from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
+from adapt.fit.shape import ShapeEnergy, split_tissue
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin, weighted_by_tissue
 from adapt.model.body import make_body, shaped_skin

@@ -16,9 +16,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from adapt.fit.follow import follow_pose
-from adapt.fit.least_squares import data_term, levenberg_marquardt
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.posterior import pose_covariance
+from adapt.fit.problem import data_term
 from adapt.fit.recording import DEFAULT_POSES
 from adapt.match.correspondences import Target, find_corres
 from adapt.match.point_grid import PointGrid

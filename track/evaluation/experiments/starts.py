@@ -11,9 +11,9 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import fit_pose, match_pose, next_gate
+from adapt.fit.problem import SIGMA_M
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import fit_skin
 from adapt.match.correspondences import GATE_M, Correspondences, Target
