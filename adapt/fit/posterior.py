@@ -75,6 +75,19 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float, pers
     return np.asarray(0.5 * (covariance + covariance.T))
 
 
+def with_other_prior(covariance: Floats, known: Floats, other: Floats) -> Floats:
+    """The covariance (n, n) that the same data would have left with another prior's precision than the ``known`` one's.
+
+    Both precisions (m, m) are those of the first m unknowns.
+
+    >>> with_other_prior(np.array([[0.25]]), np.array([[3.0]]), np.array([[1.0]])).tolist()  # the data's are 1
+    [[0.5]]
+    """
+    m, information = len(known), np.linalg.inv(covariance)
+    information[:m, :m] += other - known
+    return np.asarray(np.linalg.inv(information))
+
+
 def unseen_noise(body: Body, unseen: Sequence[tuple[Target, Floats]], gone: Bools | None = None) -> float | None:
     """The noise (m, see ``patch_noise``) in clouds that the body was not adapted to, from poses (n,) near theirs.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.alternate import Adaptation
+from adapt.fit.posterior import deviation_along, with_other_prior
 from adapt.model.body import Body
 from adapt.model.shape.population import ANYBODY, Person
 from adapt.model.shape.prior import bones_between_groups, shape_prior
@@ -33,17 +34,13 @@ class ToldLength:
 def lengths_told(body: Body, covariance: Floats, person: Person) -> list[ToldLength]:
     """The bones' lengths of a body whose shape and tissue (m + q) have that covariance, adapted as that person's."""
     mine, anybodys = (shape_prior(body.anatomy, body.affine, one) for one in (person, ANYBODY))
-    m = len(body.shape)
-    information = np.linalg.inv(covariance)
-    information[:m, :m] += anybodys.precision - mine.precision
-    without = np.linalg.inv(information)[:m, :m]
+    without = with_other_prior(covariance, mine.precision, anybodys.precision)
     expected = np.linalg.inv(mine.precision)
     told = []
     for (first, second), bone in bones_between_groups(body.anatomy, body.affine).items():
         length, along = _length(body, body.shape, first, second)
         usual, _ = _length(body, mine.mean, first, second)
-        spread = (1e3 * float(np.sqrt(along @ c @ along)) for c in (expected, covariance[:m, :m], without))
-        before, sd, of_anybody = spread
+        before, sd, of_anybody = (1e3 * deviation_along(known, along) for known in (expected, covariance, without))
         told.append(ToldLength(bone, 1e3 * usual, before, 1e3 * length, sd, of_anybody))
     return told
 
