@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from capture.commands.region_options import near_option, region_option
-from capture.console import stdout
+from capture.console import stdout, tell
 
 if TYPE_CHECKING:
     from adapt.subject import Subject
@@ -50,30 +50,26 @@ def adapt_command(
     sex: str | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
+    from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
     from adapt.model.shape.population import Person
-    from adapt.run import adapt_into
+    from adapt.options import AdaptOptions
     from capture.commands.region_options import region_near
     from capture.recording import open_recording
 
     person = Person(height, mass, sex)
     template = load_anatomy(anatomy)
     opened = open_recording(recording)
-    chosen = _frame_numbers(frames)
-    given = read_first_poses(first_poses, template) if first_poses else None
+    options = AdaptOptions(
+        poses=poses,
+        frames=_frame_numbers(frames),
+        first_poses=read_first_poses(first_poses, template) if first_poses else {},
+        region=region_near(opened, region, near),
+        person=person,
+    )
     with stdout.status("adapting") as status:
-        subject = adapt_into(
-            out,
-            opened,
-            template,
-            poses=poses,
-            frames=chosen,
-            first_poses=given,
-            region=region_near(opened, region, near),
-            person=person,
-            progress=status.update,
-        )
+        subject = adapt_into(out, opened, template, options, progress=status.update, told=tell)
     print_subject(subject, out)
 
 
@@ -135,7 +131,7 @@ def _print_lengths(report: Mapping[str, Any]) -> None:
 
 def print_sensors(settings: Mapping[str, Any]) -> None:
     """What was mended or left out, and how many frames of each sensor were used, with a warning where few were."""
-    from capture.settings import sensors_in_words
+    from capture.provenance import sensors_in_words
 
     for line in sensors_in_words(settings):
         stdout.print(line, highlight=False)

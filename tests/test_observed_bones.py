@@ -30,8 +30,9 @@ from track.observed_bones import (
     known_thetas,
     skin_shown,
 )
+from track.options import TrackOptions
 from track.prediction import guess_deviation
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
 
@@ -363,7 +364,7 @@ def half_hidden(behind_an_object, limb, tmp_path_factory):
     """The motion tracked there, and its folder."""
     recording, region = behind_an_object
     folder = tmp_path_factory.mktemp("half hidden") / "motion"
-    return track_recording(recording, limb.subject, folder, region=region), folder
+    return track_recording(recording, limb.subject, folder, TrackOptions(region=region)), folder
 
 
 def test_a_motion_says_which_bones_showed(half_hidden):
@@ -382,8 +383,8 @@ def test_a_run_stopped_while_a_bone_was_hidden_goes_on_to_the_same_motion(
             raise Stopped
 
     with pytest.raises(Stopped):
-        track_recording(recording, limb.subject, tmp_path / "motion", region=region, progress=stop)
-    motion = track_recording(recording, limb.subject, tmp_path / "motion", region=region)
+        track_recording(recording, limb.subject, tmp_path / "motion", TrackOptions(region=region), progress=stop)
+    motion = track_recording(recording, limb.subject, tmp_path / "motion", TrackOptions(region=region))
     for name in ("thetas", "deviations", "shown", "residuals", "coverage", "matches"):
         np.testing.assert_array_equal(getattr(motion, name), getattr(half_hidden[0], name))
     for name in ("angles.mot", "centres.trc", "quality.csv"):

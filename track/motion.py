@@ -20,6 +20,7 @@ from adapt.subject import Subject
 from capture.errors import BonetrackError
 from capture.files import UNREADABLE, read_arrays, unreadable
 from capture.own import arrays_of, replaced_if_own
+from capture.recording.types import HEADER_FILE
 from track.observed_bones import Bools, centres_known
 from track.settings import Settings
 
@@ -124,7 +125,8 @@ def load_motion(folder: Path) -> Motion:
     """
     path = folder / "motion.npz" if folder.is_dir() else folder
     if not path.is_file():
-        raise MotionError("no motion here", where=folder, remedy="make one with `bonetrack track`")
+        problem = "is a recording, not a motion" if (folder / HEADER_FILE).is_file() else "no motion here"
+        raise MotionError(problem, where=folder, remedy="make one with `bonetrack track`")
     try:
         arrays = read_arrays(path, _KNOWN)
         description = json.loads(str(arrays.pop("description")))

@@ -5,7 +5,7 @@ A few frames are searched; from the one that fits best, poses are carried to its
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -20,11 +20,12 @@ from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body
 from adapt.model.shape.population import ANYBODY, Person
+from adapt.options import AdaptOptions
 from adapt.search.first_pose import locate, try_pose, variations
 from adapt.search.overall_size import SizedPose, settle_size
 from adapt.search.pose_score import ScoredPose, score_pose
 from adapt.search.search_journal import FoundPoses
-from capture.cloud.fuse import Region, fuse
+from capture.cloud.fuse import fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.recording import Instant, Recording
 
@@ -49,10 +50,13 @@ class Candidate:
     beside: Floats | None = field(default=None, repr=False)
 
 
-def frames_to_look_at(
-    recording: Recording, moments: list[Instant], poses: int, frames: Sequence[int] | None, given: Iterable[int]
-) -> list[int]:
-    """Indices of the instants to look at: the ``frames``, or some of all, and those whose first pose is ``given``."""
+def frames_to_look_at(recording: Recording, moments: list[Instant], options: AdaptOptions) -> list[int]:
+    """Indices of the instants to look at: the frames asked for, or some of all, and those whose first pose is given.
+
+    Raises:
+        FitError: too few or too many poses are asked for, too few frames, or one that is not there.
+    """
+    poses, frames, given = options.poses, options.frames, options.first_poses
     if not FEWEST_POSES <= poses <= MOST_POSES:
         raise FitError(f"{poses} example poses asked for", remedy=f"choose {FEWEST_POSES} to {MOST_POSES}")
     _refuse_strange_frames(recording, [*(frames or ()), *given], len(moments))
@@ -90,27 +94,25 @@ def pose_candidates(
     body: Body,
     moments: list[Instant],
     wanted: list[int],
-    first_poses: Mapping[int, Floats],
-    region: Region | None,
+    options: AdaptOptions,
     found: FoundPoses,
     progress: Progress,
-    person: Person = ANYBODY,
 ) -> tuple[Body, list[Candidate]]:
     """The body as large as the person, and a first pose for every wanted instant that shows the limb.
 
-    ``person`` is what is said of the person. A few frames are searched; from the one that fits best, poses are carried
-    to its neighbours in time, and on.
+    A few frames are searched; from the one that fits best, poses are carried to its neighbours in time, and on.
     """
+    first_poses = options.first_poses
     sample = sample_skin(body.anatomy, at_most=2000)
     targets: dict[int, Target] = {}
     problem: BonetrackError | None = None
     for k in wanted:
         try:
-            targets[k] = Target(fuse(recording, moments[k], region=region))
+            targets[k] = Target(fuse(recording, moments[k], region=options.region))
         except CloudError as error:
             problem = error
     posed: dict[int, ScoredPose] = {}
-    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress, person)
+    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress, options.person)
     for number, k in enumerate(others):
         progress(f"first pose {number + 1} of {len(targets)}")
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
@@ -158,7 +160,7 @@ def _outwards(
             sized[k] = settle_size(body, targets[k], search, person)
         except FitError:
             continue
-    seed = min(sized, key=lambda k: sized[k].pose.badness_m, default=None)
+    seed = min(sized, key=lambda k: sized[k].pose.cost_m, default=None)
     if seed is not None:
         body = sized[seed].body
     if given:
@@ -224,7 +226,7 @@ def _posed_again(body: Body, candidate: Candidate, starts: list[Candidate], samp
     found = [pose for pose in tried if pose is not None]
     if not found:
         return candidate
-    return replace(candidate, pose=min(found, key=lambda pose: pose.badness_m))
+    return replace(candidate, pose=min(found, key=lambda pose: pose.cost_m))
 
 
 def told_of(doubted: Mapping[float, str]) -> str:

@@ -62,7 +62,7 @@ def settle_size(
             break
     if not found:
         raise problem or FitError("no size of the anatomy fits the cloud", remedy="narrow the region of interest")
-    best = min(found, key=lambda one: one.pose.badness_m * (1.0 if one is found[0] else 1.0 / _CLEARLY))
+    best = min(found, key=lambda one: one.pose.cost_m * (1.0 if one is found[0] else 1.0 / _CLEARLY))
     if 1.0 in searched and abs(_against(body, best.body) - 1.0) < _LEFT_TO_THE_FIT:
         return SizedPose(body, searched[1.0])  # proportions fitted to one frame may have turned a forearm over
     return _whole(body, target, best)
@@ -87,7 +87,7 @@ def _grown(target: Target, start: Body, pose: ScoredPose, person: Person) -> Siz
     except FitError:
         return SizedPose(start, pose)
     better = try_pose(fitted.body, target, sample, fitted.thetas[0])
-    if better is None or better.badness_m > pose.badness_m:
+    if better is None or better.cost_m > pose.cost_m:
         return SizedPose(start, pose)
     return SizedPose(fitted.body, better)
 

@@ -182,7 +182,7 @@ def _pose_of_other(body: Body, other: Body, target: Target, theta: Floats, sampl
     laid = [pose for form in _forms_near(other.anatomy, theta) for pose in _laid_upon(other, form, skin)]
     laid.sort(key=lambda pose: pose[0])
     tried = [try_pose(other, target, sample, start) for _, start in laid[:_TRIED]]
-    best = min((pose for pose in tried if pose is not None), key=lambda pose: pose.badness_m, default=None)
+    best = min((pose for pose in tried if pose is not None), key=lambda pose: pose.cost_m, default=None)
     return None if best is None else best.fit.theta
 
 

@@ -34,11 +34,11 @@ def export_command(source: Path, subject: Path | None, frame: int | None, gltf: 
     from track.motion import MotionError, load_motion
 
     if source.is_dir():
+        motion = load_motion(source)  # first, for a folder that holds none needs no subject
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
         if gltf:
             refuse_foreign(out / "motion.glb", MARK)
-        motion = load_motion(source)
         whose = load_subject(subject)
         try:
             written = export_motion(motion, whose, out, frame=frame, parquet=parquet)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from adapt.model.body import pose_skin, posed_bones
 from adapt.subject import Subject, load_subject, save_subject
 from adapt.template_builder.meshes import Mesh
@@ -27,7 +27,7 @@ from track.evaluation.rigged_limbs import LIMBS, Limb, Motions, definition, limb
 from track.evaluation.rigged_people import Build
 from track.evaluation.swing import times_and_phase
 from track.motion import Motion
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 BUILDS = (

@@ -123,7 +123,7 @@ def _best_around(body: Body, target: Target, theta: Floats, sample: SkinSample) 
     few = sample_skin(body.anatomy, at_most=_FEW)
     tried = (try_pose(body, target, few, start) for start in variations(body.anatomy, theta))
     found = [pose for pose in tried if pose is not None]
-    best = min(found, key=lambda pose: pose.badness_m).fit.theta if found else theta
+    best = min(found, key=lambda pose: pose.cost_m).fit.theta if found else theta
     return _from_the_guess(body, target, best, sample)
 
 
