@@ -31,14 +31,15 @@ def export_command(source: Path, subject: Path | None, frame: int | None, gltf: 
     from capture.own import refuse_foreign
     from track.export.files import export_motion, export_subject
     from track.export.glb import MARK
-    from track.motion import MotionError, load_motion
+    from track.motion import MotionError, load_motion, refuse_recording
 
     if source.is_dir():
-        motion = load_motion(source)  # first, for a folder that holds none needs no subject
+        refuse_recording(source)
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
         if gltf:
             refuse_foreign(out / "motion.glb", MARK)
+        motion = load_motion(source)
         whose = load_subject(subject)
         try:
             written = export_motion(motion, whose, out, frame=frame, parquet=parquet)
