@@ -19,9 +19,12 @@ from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
 from adapt.fit.posterior import deviations
+from adapt.fit.stated_person import person_report
 from adapt.match.skin_sample import SkinSample, sample_skin
-from adapt.model.body import Body, make_body
+from adapt.model.body import Body
+from adapt.model.shape.population import Person
 from adapt.model.shape.prior import overall_size
+from adapt.model.size import expected_body
 from adapt.options import AS_USUAL, AdaptOptions
 from adapt.search.candidates import (
     FEWEST_POSES,
@@ -66,7 +69,7 @@ def adapt_recording(
     """
     refuse_useless_depth(recording)
     moments = instants(recording)
-    known, body = options.first_poses, make_body(anatomy)
+    known, body = options.first_poses, expected_body(anatomy, options.person)
     wanted = frames_to_look_at(recording, moments, options)
     body, candidates = pose_candidates(recording, body, moments, wanted, options, FoundPoses(journal), progress)
     refuse_what_nobody_is(body, recording.path)
@@ -78,16 +81,16 @@ def adapt_recording(
     sample = without(sample, lost.skin)
     if automatic:
         progress("choosing example poses")
-        body, usable, others, again = choose(body, usable, sample, options.poses)
+        body, usable, others, again = choose(body, usable, sample, options.poses, options.person)
         doubted |= again
     if not known and keeps_to_its_side(anatomy):
         usable, others, crossed = _of_the_asked_leg(body, usable, others, sample, recording)
         doubted |= crossed
-    side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
-    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress)
+    side = _asked_side(body, usable, lost, recording, sample, progress, options.person, chosen=bool(known))
+    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress, options.person)
     refuse_what_nobody_is(adaptation.body, recording.path)
     settings = options.used(recording, example_poses=len(usable))
-    return _subject(adaptation, usable, settings, side, lost, doubted | left_out)
+    return _subject(adaptation, usable, settings, side, lost, doubted | left_out, options.person)
 
 
 def _usable(
@@ -128,6 +131,7 @@ def _asked_side(
     recording: Recording,
     sample: SkinSample,
     progress: Progress,
+    person: Person,
     *,
     chosen: bool,
 ) -> SideEvidence | None:
@@ -138,7 +142,7 @@ def _asked_side(
     progress("which side, and which limb")
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = overall_size(body)
-    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
+    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin, person=person)
     side = None if side is None else replace(side, beside=sum(c.beside is not None for c in used))
     try:
         if not chosen:
@@ -158,6 +162,7 @@ def _adapted(
     side: SideEvidence | None,
     recording: Recording,
     progress: Progress,
+    person: Person,
 ) -> tuple[Adaptation, list[Candidate], dict[float, str]]:
     """Algorithm 4, the poses it rests on, and by their times those that failed the judge; without these it is redone.
 
@@ -168,7 +173,14 @@ def _adapted(
     unseen = [(c.target, c.pose.fit.theta) for c in others]
     apart_m = 0.0 if side is None else side.asked_m
     adaptation = adapt_body(
-        body, targets, thetas, unseen=unseen, gone=lost.skin, by_proportions_m=apart_m, progress=progress
+        body,
+        targets,
+        thetas,
+        unseen=unseen,
+        gone=lost.skin,
+        by_proportions_m=apart_m,
+        person=person,
+        progress=progress,
     )
     whole = without(sample_skin(body.anatomy), lost.skin)
     judged = [judge_fit(adaptation.body, *pose, whole, ADAPTED) for pose in zip(targets, adaptation.fits, strict=True)]
@@ -183,7 +195,7 @@ def _adapted(
             remedy="is it the person, with the region, the unit and the focal length right? Choose other frames, "
             "or give first poses",
         )
-    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress)
+    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress, person)
     return adaptation, kept, failed | further
 
 
@@ -204,6 +216,7 @@ def _subject(
     side: SideEvidence | None,
     lost: NeverSeen,
     left_out: Mapping[float, str],
+    person: Person,
 ) -> Subject:
     body = adaptation.body
     sample = without(sample_skin(body.anatomy), lost.skin)
@@ -218,6 +231,7 @@ def _subject(
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
         "settings": settings,
+        **person_report(adaptation, person),
         **lost.report(body.anatomy),
     }
     times = np.array([candidate.instant.time_s for candidate in used])

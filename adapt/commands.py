@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 )
 @region_option
 @near_option
+@click.option("--height", type=float, default=None, help="How tall the person is, in metres, such as 1.78.")
+@click.option("--mass", type=float, default=None, help="The person's mass in kilograms.")
+@click.option("--sex", type=click.Choice(["male", "female"]), default=None, help="The person's sex.")
 def adapt_command(
     recording: Path,
     anatomy: str,
@@ -42,15 +45,20 @@ def adapt_command(
     first_poses: Path | None,
     region: tuple[float, ...] | None,
     near: tuple[float, ...] | None,
+    height: float | None,
+    mass: float | None,
+    sex: str | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
     from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
+    from adapt.model.shape.population import Person
     from adapt.options import AdaptOptions
     from capture.commands.region_options import region_near
     from capture.recording import open_recording
 
+    person = Person(height, mass, sex)
     template = load_anatomy(anatomy)
     opened = open_recording(recording)
     options = AdaptOptions(
@@ -58,6 +66,7 @@ def adapt_command(
         frames=_frame_numbers(frames),
         first_poses=read_first_poses(first_poses, template) if first_poses else {},
         region=region_near(opened, region, near),
+        person=person,
     )
     with stdout.status("adapting") as status:
         subject = adapt_into(out, opened, template, options, progress=status.update, told=tell)
@@ -90,6 +99,7 @@ def print_subject(subject: Subject, out: Path) -> None:
         stdout.print(doubt, highlight=False)
     sizes = [f"{joint} {size['scale']:.2f} ± {size['sd']:.2f}" for joint, size in report["scales"].items()]
     stdout.print(f"size against the template: {', '.join(sizes)}", highlight=False)
+    _print_lengths(report)
     stdout.print(f"skin and cloud disagree by {report['noise_mm']:.1f} mm a patch of 3 cm", highlight=False)
     if report.get("bones_never_seen"):
         guesses = ", ".join(report["lengths_guessed"])
@@ -97,6 +107,26 @@ def print_subject(subject: Subject, out: Path) -> None:
     if report["landmarks_never_shown"]:
         stdout.print(f"never seen in any pose: {', '.join(report['landmarks_never_shown'])}")
     stdout.print(f"subject written to {out}")
+
+
+def _print_lengths(report: Mapping[str, Any]) -> None:
+    """Where something is stated of the person, what that says of the bones' lengths, and what it buys."""
+    if "person" not in report:
+        return
+    from rich.table import Table
+
+    from adapt.model.shape.population import Person
+
+    table = Table("bone", "expected (mm)", "fitted (mm)", "without that (mm)")
+    table.title = f"joint to joint, {Person(**report['person']).in_words()}"
+    for told in report["lengths"]:
+        table.add_row(
+            told["bone"],
+            f"{told['expected_mm']:.0f} ± {told['expected_sd_mm']:.0f}",
+            f"{told['length_mm']:.0f} ± {told['sd_mm']:.1f}",
+            f"± {told['sd_of_anybody_mm']:.1f}",
+        )
+    stdout.print(table)
 
 
 def print_sensors(settings: Mapping[str, Any]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from adapt.anatomy import Floats
+from adapt.model.shape.population import ANYBODY, Person
 from capture.provenance import recording_used, region_used, sensors_used, versions
 from capture.recording import Recording, Region
 
@@ -20,6 +21,7 @@ class AdaptOptions:
         frames: indices of instants to adapt to, instead of the automatic choice.
         first_poses: theta (n,) by index of instant, instead of the automatic search; these instants are looked at.
         region: where the limb is, instead of the recording's or the automatic region.
+        person: height, mass and sex, as far as they are stated.
 
     >>> AdaptOptions(poses=4).frames is None
     True
@@ -29,13 +31,15 @@ class AdaptOptions:
     frames: Sequence[int] | None = None
     first_poses: Mapping[int, Floats] = field(default_factory=dict)
     region: Region | None = None
+    person: Person = ANYBODY
 
     def decide(self, recording: Recording) -> list[Floats | str]:
         """The options one by one, as what is found depends on them: for the key of a journal."""
         region = self.region or recording.region
         given = [part for frame, theta in sorted(self.first_poses.items()) for part in (str(frame), theta)]
         corners = [] if region is None else [region.minimum, region.maximum]
-        return [f"{self.poses} {self._frames()}", *given, "region", *corners]
+        stated = [] if self.person.is_unknown else [repr(self.person)]
+        return [f"{self.poses} {self._frames()}", *given, *stated, "region", *corners]
 
     def used(self, recording: Recording, *, example_poses: int) -> dict[str, Any]:
         """What the report says of how a subject was made: plain JSON."""

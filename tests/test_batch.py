@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 import track.batch.run_batch
+from adapt.model.shape.population import ANYBODY, Person
 from capture.errors import CloudError
 from capture.recording import open_recording
 from tests.known_limb import ANATOMY, KnownLimb
@@ -119,6 +120,26 @@ def test_a_table_states_names_subjects_and_regions(tmp_path: Path) -> None:
     assert full == Item("walk-arm", tmp_path / "r/walk", "arm", tmp_path / "s.npz", (-1.0, -1.0, -1.0, 1.0, 1.0, 1.5))
 
 
+def test_what_is_said_of_the_person_is_kept_with_the_item_and_goes_into_the_adaptation(tmp_path, monkeypatch) -> None:
+    table = tmp_path / "batch.csv"
+    table.write_text("recording,anatomy,height,mass,sex\nr,leg,,,\nr2,lower-limb-right,1.62,55,female\n")
+    anybody, she = read_items(table)
+    assert anybody.person == ANYBODY
+    assert "person" not in anybody.described()  # as earlier versions wrote it
+    assert she.described()["person"] == {"height_m": 1.62, "mass_kg": 55.0, "sex": "female"}
+    swinging(tmp_path / "r2", LEFT, RIGHT)
+    people = []
+
+    def noted(out, recording, anatomy, options, **_):
+        people.append(options.person)
+        raise CloudError("far enough")
+
+    monkeypatch.setattr("adapt.adapt_to_file.adapt_into", noted)
+    with pytest.raises(CloudError, match="far enough"):
+        adapt_and_track(she, tmp_path / "out")
+    assert people == [Person(1.62, 55.0, "female")]
+
+
 def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_path: Path, monkeypatch) -> None:
     table = tmp_path / "table.csv"
     table.write_text("recording,anatomy,near\nr,leg,\nr2,leg,0.6 0 1.8\n")
@@ -153,6 +174,9 @@ def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_
         ("recording,anatomy,region\nr,leg,0 0 0 1 -1 1\n", "is no region"),
         ("recording,anatomy,near\nr,leg,0 0\n", "is no point; give x y z"),
         ("recording,anatomy,near\nr,leg,0 0 nan\n", "is no point"),
+        ("recording,anatomy,height\nr,leg,178\n", "give metres"),
+        ("recording,anatomy,mass\nr,leg,heavy\n", "no height and no mass; give m and kg"),
+        ("recording,anatomy,sex\nr,leg,man\n", "give male or female"),
         ("recording,anatomy,region,near\nr,leg,0 0 0 1 1 1,0 0 0\n", "both a region and a point"),
         ("recording,anatomy\n", "there are no recordings"),
     ],

@@ -17,7 +17,8 @@ ASSEMBLES, SOLVES, DOUBTS = "adapt/fit/problem.py", "adapt/fit/least_squares.py"
 SEE_SKIN = ("adapt", "track", "docs/figures")
 # Planes, sensors' places (``capture``) and bones registered to bones (``evaluation``) are least squares of their own.
 FIT_LIMBS = ("adapt", "track")
-OTHER_PROBLEMS = ("track/evaluation/", "adapt/template_builder/")
+# What is known of people before anything is seen (``shape``) is no posterior.
+OTHER_PROBLEMS = ("track/evaluation/", "adapt/template_builder/", "adapt/model/shape/")
 DERIVATIVES = {"jacobian", "residual", "flat", "far", "d"}
 _LINE_OF_SIGHT = re.compile(r"sight|towards?|forward|eyes?|rays?|sensors?|world_from_sensor|world_from_eye|direction")
 

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from adapt.commands import adapt_command
+from adapt.model.shape.population import Person
 from adapt.options import AdaptOptions
 from adapt.subject import save_subject
 from capture.cloud.fuse import Region
@@ -23,13 +24,14 @@ from track.thresholds import Thresholds, thresholds_of
 from track.tracker import make_tracker
 
 NEAR_BY = Region(np.full(3, -1.0), np.full(3, 1.0))
-ADAPT = {"poses": 5, "frames": [4, 2], "first_poses": {3: np.zeros(10)}, "region": NEAR_BY}
+ADAPT = {"poses": 5, "frames": [4, 2], "first_poses": {3: np.zeros(10)}, "region": NEAR_BY, "person": Person(1.8)}
 TRACK = {"poses": [HandPose("raised", 1, np.zeros(10))], "thresholds": Thresholds(least_coverage=0.6)}
 CHANGES_NO_POSE = {"world_from_thorax", "keep_searching"}
 UNDER_ANOTHER_NAME = {
     "world_from_thorax": "thorax",
     "thresholds": "threshold",
     "cameras": "fx",
+    "person": "height",
     "sensor_names": "sensor",
 }
 

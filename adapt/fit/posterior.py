@@ -48,6 +48,7 @@ from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body, pose_skin_varying
 from adapt.model.derivatives import Points
 from adapt.model.handles import local_scale
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.errors import FitError
@@ -57,10 +58,11 @@ _UNTOLD = 1e-6  # of what a pose is told on average, it is taken to be told of e
 _ENOUGH = 400  # matches spread over the limb: with twice as many, deviations differ by 1 to 2 %
 
 
-def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> Floats:
+def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float, person: Person = ANYBODY) -> Floats:
     """Covariance (m + q, m + q) of the shape and the tissue's coefficients of a body that was adapted to K clouds.
 
-    ``fits`` are its poses there; ``noise_m`` is the standard deviation of a patch's distance from the cloud.
+    ``fits`` are its poses there; ``noise_m`` is the standard deviation of a patch's distance from the cloud;
+    ``person`` is what is said of whose body it is.
     """
     anatomy = body.anatomy
     fine, c = split_tissue(body, tissue_field(anatomy))
@@ -68,9 +70,22 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> F
     x = np.concatenate([body.shape, c, *(fit.theta for fit in fits)])
     sample = trusted(weighted_by_tissue(sample_skin(anatomy), anatomy), noise_m)
     matches = [fit.matches for fit in fits]
-    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT)
+    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT, person)
     covariance = marginal_covariance(energy.quadratic(x).hessian, of.body)
     return np.asarray(0.5 * (covariance + covariance.T))
+
+
+def with_other_prior(covariance: Floats, known: Floats, other: Floats) -> Floats:
+    """The covariance (n, n) that the same data would have left with another prior's precision than the ``known`` one's.
+
+    Both precisions (m, m) are those of the first m unknowns.
+
+    >>> with_other_prior(np.array([[0.25]]), np.array([[3.0]]), np.array([[1.0]])).tolist()  # the data's are 1
+    [[0.5]]
+    """
+    m, information = len(known), np.linalg.inv(covariance)
+    information[:m, :m] += other - known
+    return np.asarray(np.linalg.inv(information))
 
 
 def unseen_noise(body: Body, unseen: Sequence[tuple[Target, Floats]], gone: Bools | None = None) -> float | None:

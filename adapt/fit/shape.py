@@ -32,7 +32,8 @@ from adapt.match.correspondences import GATE_M, Correspondences, Target
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin, shaped_skin
 from adapt.model.pose_space import wrap
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.population import ANYBODY, Person
+from adapt.model.shape.prior import ShapePrior, shape_prior
 from adapt.tissue import TissueField, tissue_field
 
 _LEAST_KNOWN = 1.0  # curvature by a pose: what no skin in sight tells is known to 1 rad or 1 m
@@ -57,11 +58,14 @@ def fit_shape(
     thetas: Floats,
     sample: SkinSample,
     *,
+    person: Person = ANYBODY,
     updates: int = 8,
     steps: int = 3,
     gate_m: float = GATE_M,
 ) -> ShapeFit:
     """Fit shape, coarse soft tissue and poses together, from ``body`` and ``thetas`` (K, n), to K clouds.
+
+    ``person`` is what is said of whose they are.
 
     Raises:
         FitError: a pose finds too few correspondences.
@@ -74,7 +78,7 @@ def fit_shape(
     for _ in range(updates):
         matches = [match_pose(body, target, x[of.pose(k)], sample, gate_m=gates[k]) for k, target in enumerate(targets)]
         gates = [next_gate(match, gate_m) for match in matches]
-        energy = ShapeEnergy(body, fine, matches, sample, of)
+        energy = ShapeEnergy(body, fine, matches, sample, of, person=person)
         before = x
         x = levenberg_marquardt(energy.quadratic, before, steps=steps, energy=energy.value)
         for k in range(len(targets)):
@@ -106,6 +110,12 @@ class ShapeEnergy:
     sample: SkinSample
     of: Unknowns
     plane_weight: float = PLANE_WEIGHT
+    person: Person = ANYBODY
+
+    @cached_property
+    def prior(self) -> ShapePrior:
+        """What is known of the body's proportions beforehand."""
+        return shape_prior(self.body.anatomy, self.body.affine, self.person)
 
     @cached_property
     def seen(self) -> Ints:
@@ -148,8 +158,8 @@ class ShapeEnergy:
 
     def expected(self, x: Floats) -> tuple[Term, Term]:
         """What is known beforehand of shape and tissue."""
-        of, affine = self.of, self.body.affine
-        shape = gaussian_term(x[of.shape], affine.identity, shape_precision(self.body.anatomy, affine))
+        of = self.of
+        shape = gaussian_term(x[of.shape], self.prior.mean, self.prior.precision)
         return Term(of.shape, shape), Term(of.tissue, gaussian_term(x[of.tissue], np.zeros(of.q), np.eye(of.q)))
 
     @cached_property

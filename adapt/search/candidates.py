@@ -19,6 +19,7 @@ from adapt.fit.shape import fit_shape
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.options import AdaptOptions
 from adapt.search.first_pose import locate, try_pose, variations
 from adapt.search.overall_size import SizedPose, settle_size
@@ -111,7 +112,7 @@ def pose_candidates(
         except CloudError as error:
             problem = error
     posed: dict[int, ScoredPose] = {}
-    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress)
+    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress, options.person)
     for number, k in enumerate(others):
         progress(f"first pose {number + 1} of {len(targets)}")
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
@@ -138,6 +139,7 @@ def _outwards(
     posed: dict[int, ScoredPose],
     found: FoundPoses,
     progress: Progress,
+    person: Person,
 ) -> tuple[Body, list[int]]:
     """The body at the size of the person; the frames still to be posed, in order.
 
@@ -155,7 +157,7 @@ def _outwards(
             return found.find(name, partial(locate, body, targets[k], sample, []))
 
         try:
-            sized[k] = settle_size(body, targets[k], search)
+            sized[k] = settle_size(body, targets[k], search, person)
         except FitError:
             continue
     seed = min(sized, key=lambda k: sized[k].pose.cost_m, default=None)
@@ -192,17 +194,17 @@ def plausible(candidates: list[Candidate]) -> tuple[list[Candidate], dict[float,
 
 
 def choose(
-    body: Body, candidates: list[Candidate], sample: SkinSample, poses: int
+    body: Body, candidates: list[Candidate], sample: SkinSample, poses: int, person: Person = ANYBODY
 ) -> tuple[Body, list[Candidate], list[Candidate], dict[float, str]]:
     """A first shape, the example poses chosen with it, the usable candidates not chosen, and why others are not usable.
 
     The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, the
     doubtful ones also from their neighbours' poses, and those that still fit worse than the rest are left out.
     """
-    chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses)
+    chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses, person)
     thetas = np.array([candidates[k].pose.fit.theta for k in chosen])
     bony = weighted_by_tissue(sample, body.anatomy)
-    first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
+    first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony, person=person)
     again: list[Candidate] = []
     for k, candidate in enumerate(candidates):  # a thin forearm may lie turned over: ask its neighbours, too
         starts = [candidate, *again[-1:], *candidates[k + 1 : k + 2]]
@@ -213,7 +215,7 @@ def choose(
             again[k] = _posed_again(first.body, candidate, again[max(0, k - 1) : k + 2], sample)
     kept, doubted = plausible(again)
     kept, doubted = (kept, doubted) if len(kept) >= poses else (again, {})
-    chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses)
+    chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses, person)
     left = [c for k, c in enumerate(kept) if k not in set(chosen)]
     return first.body, [kept[k] for k in sorted(chosen)], left, doubted
 

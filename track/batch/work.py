@@ -98,7 +98,8 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     told: list[str] = []
     subject_file = item.subject or folder / "subject.npz"
     if item.subject is None and not subject_file.is_file():
-        adapt_into(subject_file, recording, load_anatomy(item.anatomy), AdaptOptions(region=region), told=told.append)
+        options = AdaptOptions(region=region, person=item.person)
+        adapt_into(subject_file, recording, load_anatomy(item.anatomy), options, told=told.append)
     subject = load_subject(subject_file, anatomy=item.anatomy)
     motion = track_recording(recording, subject, folder / "motion", TrackOptions(region=region), told=told.append)
     return _row(item.name, motion, subject, frames_used(recording), [*recording.mended, *told])
