@@ -23,7 +23,7 @@ COLUMNS: Mapping[str, Sequence[str]] = {  # what is kept, and the columns: the f
     "stature": ("stature",),
     "mass": ("weightkg",),
     "upper arm": ("acromionradialelength",),
-    "forearm": ("radialestylionlength",),
+    "forearm length": ("radialestylionlength",),
     "palm": ("palmlength",),
     "thigh": ("trochanterionheight", "tibialheight"),
     "shank": ("tibialheight", "lateralmalleolusheight"),

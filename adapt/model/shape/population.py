@@ -28,8 +28,8 @@ SEXES = ("male", "female")
 # girths of flesh beside it vary with fat, which the soft tissue takes up (``adapt.tissue``), and bone does not follow.
 BONE_MEASURES = {
     "humerus": "upper arm",
-    "ulna": "forearm",
-    "radius": "forearm",
+    "ulna": "forearm length",
+    "radius": "forearm length",
     "hand": "palm",
     "pelvis": "pelvis breadth",
     "femur": "thigh",
