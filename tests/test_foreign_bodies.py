@@ -14,6 +14,8 @@ from adapt.model.body import bone_transforms, make_body, rest_theta
 from adapt.template_builder.sources_makehuman import PACKAGE, SourceSkin, load_skin
 from capture.rigid import apply, exp_so3
 from track.evaluation.bones import depth_inside
+from track.evaluation.experiments import bodies_page, oracles
+from track.evaluation.experiments.experiment import Result
 from track.evaluation.foreign_truth import nearest_body, true_thetas
 from track.evaluation.limb_ground import limb_ground
 from track.evaluation.population import PopulationError, people
@@ -184,3 +186,55 @@ def test_our_coordinates_of_a_body_that_moves_as_ours_are_found_again_zero_inclu
     nearest = nearest_body(moving)
     np.testing.assert_allclose(nearest.p.value, moving.landmarks, atol=1e-4)
     np.testing.assert_allclose(true_thetas(moving, nearest), thetas, atol=2e-3)
+
+
+def result_of_a_leg(*, hip_mm: float, thigh: float, knee_deg: list[float], stated_deg: float) -> Result:
+    centres = {
+        joint: {"distance_mm": [far, far], "offset_mm": [far, 0.0, 0.0], "varying_mm": [0.0, 0.0]}
+        for joint, far in (("hip", hip_mm), ("knee", 1.0), ("ankle", 1.0))
+    }
+    lengths = {"thigh": [400.0 * (1.0 + thigh / 100.0), 400.0], "shank": [400.0, 400.0]}
+    directions = {"thigh": [1.0], "shank": [1.0]}
+    yardstick = {"centres": centres, "lengths_mm": lengths, "directions_deg": directions}
+    good = {"error": [0.0, 0.0], "stated": [1.0, 1.0]}
+    names = [coordinate.name for coordinate in load_anatomy("lower-limb-right").coordinates]
+    knee = {"error": knee_deg, "stated": [stated_deg] * len(knee_deg)}
+    return {
+        "missed_mm": {"tibialheight": 1.0},
+        "yardsticks": {"carried": yardstick, "rig": yardstick},
+        "coordinates": {name: knee if name == "knee_angle_r" else good for name in names},
+        "centres_z": {joint: [0.5, 3.0] for joint in ("hip", "knee", "ankle")},
+        "skin_mm": [1.0],
+        "lost": 0,
+        "frames": 2,
+        "picture": "nowhere.png",
+    }
+
+
+def test_the_page_gives_the_mean_over_bodies_with_the_worst_and_marks_what_misses_its_aim(tmp_path: Path) -> None:
+    results = {
+        "leg mean man mixamo": result_of_a_leg(hip_mm=4.0, thigh=1.0, knee_deg=[2.0, 4.0], stated_deg=1.0),
+        "leg man 1 mixamo": result_of_a_leg(hip_mm=20.0, thigh=-3.0, knee_deg=[2.0, 2.0], stated_deg=2.0),
+    }
+    text = bodies_page.describe(results, tmp_path)
+    assert "| hip centre, carried (mm) | 10 | **12.0 (20.0)** |" in text
+    assert "| knee centre, carried (mm) | 6 | 1.0 (1.0) |" in text
+    assert "| length of the thigh (%) | 2 (3.5) | -1.0 (-3.0) |" in text
+    assert "| knee_angle_r, varying (deg) | 0.7 | 0.5 (1.0) |" in text
+    assert "| knee_angle_r, constant (deg) |  | +2.5 (+3.0) |" in text
+    assert "| knee_angle_r within 2 SD (%) | 90 | **75 (50)** |" in text
+    assert "| hip centre within 2 SD (%) | 90 | **50 (50)** |" in text
+    assert "hip centre, carried (mm) 12.0 (20.0) (aim 10)" in bodies_page.losses(results)[0]
+    one_too_long = {"leg man 1 mixamo": result_of_a_leg(hip_mm=1.0, thigh=4.0, knee_deg=[0.0, 0.0], stated_deg=1.0)}
+    assert "length of the thigh (%) +4.0 (+4.0) (aim 2 (3.5))" in bodies_page.losses(one_too_long)[0]
+
+
+def test_the_page_tells_a_wrong_minimum_from_a_wrong_model_by_both_starts(tmp_path: Path) -> None:
+    end = {"energy": 12.0, "matches": 30, "skin_mm": 0.5, "centres_mm": {"hip": 3.0}}
+    ends = {start: end | {"energy": float(k)} for k, start in enumerate(oracles.STARTS)}
+    text = oracles.describe(
+        {"leg mean man mixamo": {"ends": ends}, "arm mean man mixamo": {"failed": "no box"}}, tmp_path
+    )
+    for k, start in enumerate(oracles.STARTS):
+        assert f"| leg mean man mixamo: {start} | {k} | 30 | 0.50 | hip 3.0 |" in text
+    assert "arm mean man mixamo: no box." in text

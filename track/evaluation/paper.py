@@ -27,6 +27,7 @@ from track.evaluation.experiments import (
     oracles,
     poses,
     real_bones,
+    real_leg,
     real_motion,
     real_person,
     sensitivity,
@@ -54,6 +55,7 @@ ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
     real_bones.NAME: real_bones.experiment,
     real_person.NAME: real_person.experiment,
     real_motion.NAME: real_motion.experiment,
+    real_leg.NAME: real_leg.experiment,
 }
 """Made of real people's surfaces and measures, which stand in a folder outside the project."""
 NAMES = (*(experiment.name for experiment in EXPERIMENTS), table_1.NAME, *ON_REAL_ANATOMY)
