@@ -14,10 +14,12 @@ from adapt.model.body import bone_transforms, make_body, rest_theta
 from adapt.template_builder.sources_makehuman import PACKAGE, SourceSkin, load_skin
 from capture.rigid import apply, exp_so3
 from track.evaluation.bones import depth_inside
-from track.evaluation.experiments import bodies_page, oracles
+from track.evaluation.experiments import bodies_page, foreign_opensim, oracles
 from track.evaluation.experiments.experiment import Result
+from track.evaluation.experiments.foreign_opensim import marker_trials
 from track.evaluation.foreign_truth import nearest_body, true_thetas
 from track.evaluation.limb_ground import limb_ground
+from track.evaluation.markers import marker_set
 from track.evaluation.population import PopulationError, people
 from track.evaluation.rigged_limbs import LIMBS, Motions, definition, moving_limb
 from track.evaluation.rigged_people import RIGS, Rig, RiggedLimb, read_rig
@@ -238,3 +240,29 @@ def test_the_page_tells_a_wrong_minimum_from_a_wrong_model_by_both_starts(tmp_pa
     for k, start in enumerate(oracles.STARTS):
         assert f"| leg mean man mixamo: {start} | {k} | 30 | 0.50 | hip 3.0 |" in text
     assert "arm mean man mixamo: no box." in text
+
+
+@NEEDS_RIG
+def test_markers_sit_on_the_foreign_skin_where_ours_has_them_and_ride_on_it(man: SourceSkin) -> None:
+    limb = LIMBS["leg"]
+    moving = moving_limb(limb, man, "mixamo", np.array([0.0, 0.3]))
+    markers = marker_set(load_anatomy(limb.anatomy))
+    moved, still = marker_trials(moving, markers, np.random.default_rng(0))
+    assert all(trial.shape == (2, 3) for trial in moved.values())
+    skin = moving.limb.skin(moving.transforms[1]).vertices
+    for trial in moved.values():
+        assert np.linalg.norm(skin - trial[1], axis=1).min() < 0.004
+    centre = moving.true["ankle"]
+    ankle = [m.name for m in markers.markers if np.linalg.norm(still[m.name].mean(axis=0) - centre) < 0.06]
+    assert ankle, "no marker near the ankle"
+
+
+def test_the_page_says_who_errs_less_coordinate_by_coordinate(tmp_path: Path) -> None:
+    ours = {"angle knee_angle_r": {"mean": 1.0, "max": 2.0}, "centre hip": {"mean": 9.0, "max": 9.0}}
+    theirs = {"angle knee_angle_r": {"mean": 3.0, "max": 4.0}, "centre hip": {"mean": 5.0, "max": 5.0}}
+    errors = {foreign_opensim.OURS: ours, foreign_opensim.THEIRS: theirs}
+    results = {"leg man 1 mixamo": {"errors": errors}, "leg man 2 mixamo": {"failed": "no box"}}
+    text = foreign_opensim.describe(results, tmp_path)
+    assert "| angle knee_angle_r | 1.0 (1.0) | 3.0 (3.0) | bonetrack |" in text
+    assert "| centre hip | 9.0 (9.0) | 5.0 (5.0) | OpenSim scaled |" in text
+    assert foreign_opensim.losses(results) == ["leg: OpenSim errs less in centre hip (5.0, ours 9.0)"]

@@ -23,6 +23,7 @@ from track.evaluation.experiments import (
     bodies,
     faults,
     forearm,
+    foreign_opensim,
     handles,
     oracles,
     poses,
@@ -52,6 +53,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
 ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
     bodies.NAME: bodies.experiment,
     oracles.NAME: oracles.experiment,
+    foreign_opensim.NAME: foreign_opensim.experiment,
     real_bones.NAME: real_bones.experiment,
     real_person.NAME: real_person.experiment,
     real_motion.NAME: real_motion.experiment,
