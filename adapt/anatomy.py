@@ -22,8 +22,9 @@ Ints = NDArray[np.int64]
 class Coordinate:
     """One degree of freedom, with OpenSim's name, sign and zero.
 
-    ``rest`` is its value in the template's rest pose; for a free joint it is 0 and has no meaning, because the
-    rest values follow from the landmarks.
+    From ``low`` to ``high`` is the joint range: its rule, and where the templates have the numbers from, stand in
+    ``adapt.fit.priors``. ``rest`` is its value in the template's rest pose; for a free joint it is 0 and has no
+    meaning, because the rest values follow from the landmarks.
     """
 
     name: str

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from capture.commands.region_options import near_option, region_option
-from capture.console import stdout
+from capture.console import stdout, tell
 
 if TYPE_CHECKING:
     from adapt.subject import Subject
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 )
 @region_option
 @near_option
+@click.option("--height", type=float, default=None, help="How tall the person is, in metres, such as 1.78.")
+@click.option("--mass", type=float, default=None, help="The person's mass in kilograms.")
+@click.option("--sex", type=click.Choice(["male", "female"]), default=None, help="The person's sex.")
 def adapt_command(
     recording: Path,
     anatomy: str,
@@ -42,29 +45,31 @@ def adapt_command(
     first_poses: Path | None,
     region: tuple[float, ...] | None,
     near: tuple[float, ...] | None,
+    height: float | None,
+    mass: float | None,
+    sex: str | None,
 ) -> None:
     """Adapt an anatomy to the person in RECORDING; a run that was cut short goes on where it stopped."""
+    from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
     from adapt.fit.first_poses import read_first_poses
-    from adapt.run import adapt_into
+    from adapt.model.shape.population import Person
+    from adapt.options import AdaptOptions
     from capture.commands.region_options import region_near
     from capture.recording import open_recording
 
+    person = Person(height, mass, sex)
     template = load_anatomy(anatomy)
     opened = open_recording(recording)
-    chosen = _frame_numbers(frames)
-    given = read_first_poses(first_poses, template) if first_poses else None
+    options = AdaptOptions(
+        poses=poses,
+        frames=_frame_numbers(frames),
+        first_poses=read_first_poses(first_poses, template) if first_poses else {},
+        region=region_near(opened, region, near),
+        person=person,
+    )
     with stdout.status("adapting") as status:
-        subject = adapt_into(
-            out,
-            opened,
-            template,
-            poses=poses,
-            frames=chosen,
-            first_poses=given,
-            region=region_near(opened, region, near),
-            progress=status.update,
-        )
+        subject = adapt_into(out, opened, template, options, progress=status.update, told=tell)
     print_subject(subject, out)
 
 
@@ -94,6 +99,7 @@ def print_subject(subject: Subject, out: Path) -> None:
         stdout.print(doubt, highlight=False)
     sizes = [f"{joint} {size['scale']:.2f} ± {size['sd']:.2f}" for joint, size in report["scales"].items()]
     stdout.print(f"size against the template: {', '.join(sizes)}", highlight=False)
+    _print_lengths(report)
     stdout.print(f"skin and cloud disagree by {report['noise_mm']:.1f} mm a patch of 3 cm", highlight=False)
     if report.get("bones_never_seen"):
         guesses = ", ".join(report["lengths_guessed"])
@@ -103,9 +109,29 @@ def print_subject(subject: Subject, out: Path) -> None:
     stdout.print(f"subject written to {out}")
 
 
+def _print_lengths(report: Mapping[str, Any]) -> None:
+    """Where something is stated of the person, what that says of the bones' lengths, and what it buys."""
+    if "person" not in report:
+        return
+    from rich.table import Table
+
+    from adapt.model.shape.population import Person
+
+    table = Table("bone", "expected (mm)", "fitted (mm)", "without that (mm)")
+    table.title = f"joint to joint, {Person(**report['person']).in_words()}"
+    for told in report["lengths"]:
+        table.add_row(
+            told["bone"],
+            f"{told['expected_mm']:.0f} ± {told['expected_sd_mm']:.0f}",
+            f"{told['length_mm']:.0f} ± {told['sd_mm']:.1f}",
+            f"± {told['sd_of_anybody_mm']:.1f}",
+        )
+    stdout.print(table)
+
+
 def print_sensors(settings: Mapping[str, Any]) -> None:
     """What was mended or left out, and how many frames of each sensor were used, with a warning where few were."""
-    from capture.settings import sensors_in_words
+    from capture.provenance import sensors_in_words
 
     for line in sensors_in_words(settings):
         stdout.print(line, highlight=False)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import is_path, load_anatomy
 from adapt.model.body import Body, make_body
+from adapt.model.shape.population import MEN_M
 from adapt.model.shape.prior import overall_size
 from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, content, kept_anatomy
 from adapt.tissue import MODES
@@ -23,7 +24,7 @@ from capture.own import arrays_of, replaced_if_own
 FORMAT = "bonetrack-subject"
 MARK = arrays_of(FORMAT)
 _USUAL = (0.88, 1.12)  # size against the template; grown-ups from about 1.55 to 1.97 m
-_TEMPLATE_M = 1.76  # the template's stature
+_CONTRADICTED = 0.12  # a size that differs by more from the stated one is neither the person's nor the prior's
 VERSION = 3  # 1: the covariance is that of the shape alone; 3: holds the anatomy itself, if that is a user's own
 _NAMED = 2  # what is written where the anatomy is one that ships
 _MOST_BYTES = 16 << 20  # of one array, a hundred times the largest of the shipped anatomies'
@@ -66,9 +67,15 @@ def doubts(subject: Subject) -> list[str]:
     size = overall_size(subject.body)
     if _by_one_camera(subject) and not _USUAL[0] < size < _USUAL[1]:
         told.append(
-            f"the person came out {size:.2f} times as large as the template, {_TEMPLATE_M * size:.2f} m tall if all of "
+            f"the person came out {size:.2f} times as large as the template, {MEN_M * size:.2f} m tall if all of "
             "the body is so, and one camera alone says it: check whether that is so, for a wrong focal length or unit "
             "does that, too"
+        )
+    height_m = (subject.report.get("person") or {}).get("height_m")
+    if height_m is not None and abs(size * MEN_M / height_m - 1.0) > _CONTRADICTED:
+        told.append(
+            f"the limb came out as that of somebody {MEN_M * size:.2f} m tall, and {height_m:.2f} m is stated: check "
+            "the height, the unit of depth and the focal length"
         )
     if as_adapted(subject, "median_distance_mm") is None:
         told.append(

@@ -17,3 +17,8 @@ def _width() -> int | None:
 
 stdout = Console(width=_width())
 stderr = Console(stderr=True)
+
+
+def tell(line: str) -> None:
+    """Print a line as it is: brackets are no markup, and it is not wrapped."""
+    stdout.print(line, highlight=False, markup=False, soft_wrap=True)

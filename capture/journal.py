@@ -1,6 +1,7 @@
 """Journals of long work: each finished piece is a line of a file, so that the same command goes on after a kill.
 
-The first line is a key: what the work is made from. A journal with another key is begun anew.
+The first line is a key: what the work is made from, and with which software. A journal with another key is begun anew,
+and that is told, for who interrupted hours of work expects them to be gone on with.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -21,6 +23,14 @@ from capture.own import Mark, replaced_if_own
 from capture.recording import Recording
 
 MARK = Mark(re.compile(rb"\A[0-9a-f]{64}\n"))
+
+BEGUN_ANEW = "begun anew, for the run that was cut short had another version, other files or other options"
+
+Told = Callable[[str], None]
+"""Told a line for people."""
+
+_LAYOUT = 2
+"""Of the lines of journals: raised when a version could not go on with lines of the one before it."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +50,8 @@ class Journal:
         self.path.unlink(missing_ok=True)
 
 
-def resume_journal(path: Path, key: str) -> Journal:
-    """The journal at ``path``; an empty one if there is none with that key.
+def resume_journal(path: Path, key: str, told: Told = lambda _: None) -> Journal:
+    """The journal at ``path``; an empty one if there is none with that key, which is ``told`` in a line.
 
     A last line that was cut short is dropped; a damaged line is dropped with all that follows.
 
@@ -57,6 +67,8 @@ def resume_journal(path: Path, key: str) -> Journal:
     """
     lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
     entries = []
+    if len(lines) > 2 and lines[0] != key and MARK.is_on(path):
+        told(f"{path}: {BEGUN_ANEW}")
     if lines and lines[0] == key:
         for line in lines[1:-1]:  # what follows the last newline was cut short
             try:
@@ -70,7 +82,7 @@ def resume_journal(path: Path, key: str) -> Journal:
 
 def journal_key(recording: Recording, *inputs: NDArray[Any] | str) -> str:
     """What a journal must have been made from to be continued: the software, the recording, and other inputs."""
-    digest = hashlib.sha256(_software().encode())
+    digest = hashlib.sha256(f"{_software()} {_LAYOUT}".encode())
     for sensor in recording.sensors:
         digest.update(f"{sensor.name} {sensor.camera} {sensor.depth_unit_m} {sensor.depth_range_m}".encode())
         for frame in sensor.frames:

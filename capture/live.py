@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from capture.errors import RecordingError
-from capture.importers.parts import Parts, ShownBox
 from capture.importers.realsense import Lens, camera_of
 from capture.importers.source import DEPTH_RANGE_M, optional_module
+from capture.importers.time_ranges import Parts, ShownBox
 from capture.libusb import load_libusb
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording
 

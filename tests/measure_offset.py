@@ -18,7 +18,7 @@ from scipy.interpolate import PchipInterpolator
 
 from capture.console import stdout
 from capture.errors import RecordingError
-from capture.importers import DepthFrame, Motion, Offset, Source, estimate_offset, motion_of
+from capture.importers import DepthFrame, MotionSignal, Offset, Source, estimate_offset, motion_of
 from capture.recording import Sensor, depth_png, open_recording
 from tests.test_import_offset import NAME, performance, two_views
 
@@ -33,7 +33,7 @@ ARM_DEG = {
 }
 
 
-def found(first: Motion, second: Motion) -> Offset | None:
+def found(first: MotionSignal, second: MotionSignal) -> Offset | None:
     """The offset found, None if it was refused."""
     try:
         return estimate_offset(first, second, where=NAME)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import adapt.fit.recording as fitting
+import adapt.adapt_recording as fitting
 import adapt.search.candidates as finding
-from adapt.fit.recording import adapt_recording
+from adapt.adapt_recording import adapt_recording
 from adapt.match.skin_sample import sample_skin
 from adapt.model.body import pose_skin
 from adapt.model.size import resized
+from adapt.options import AdaptOptions
 from adapt.search.candidates import Candidate, choose
 from adapt.search.first_pose import try_pose
 from capture.errors import FitError
@@ -36,7 +37,7 @@ def candidates(limb, monkeypatch):
 
     def locate(body, target, sample, starts, *, good_m=0.0):
         poses = [try_pose(body, target, sample, start) for start in starts]
-        return min((pose for pose in poses if pose is not None), key=lambda pose: pose.badness_m)
+        return min((pose for pose in poses if pose is not None), key=lambda pose: pose.cost_m)
 
     monkeypatch.setattr(finding, "_CANDIDATES", LOOKED_AT)
     monkeypatch.setattr(fitting, "plausible", plausible)
@@ -47,7 +48,7 @@ def candidates(limb, monkeypatch):
 def test_frames_whose_first_pose_is_given_are_looked_at(limb, candidates):
     given = {frame: limb.thetas[frame] + 0.02 for frame in GIVEN}
     with pytest.raises(Stopped):
-        adapt_recording(limb.recording, limb.subject.anatomy, first_poses=given, poses=4)
+        adapt_recording(limb.recording, limb.subject.anatomy, AdaptOptions(first_poses=given, poses=4))
     times = [candidate.instant.time_s for candidate in candidates]
     spread = np.linspace(0, len(limb.times) - 1, LOOKED_AT).round().astype(int)
     assert not set(spread) & set(GIVEN)
@@ -63,13 +64,13 @@ def test_a_first_pose_of_a_frame_that_does_not_exist_is_refused(limb, frame):
     given = {3: limb.thetas[3], frame: limb.thetas[3]}
     for frames in (None, [0, 3, 6, 9]):
         with pytest.raises(FitError, match=rf"no frame {frame}; frames run from 0 to 11"):
-            adapt_recording(limb.recording, limb.subject.anatomy, first_poses=given, frames=frames)
+            adapt_recording(limb.recording, limb.subject.anatomy, AdaptOptions(first_poses=given, frames=frames))
 
 
 def test_a_first_pose_of_a_frame_that_is_not_adapted_to_is_refused(limb):
     given = {3: limb.thetas[3], 4: limb.thetas[4]}
     with pytest.raises(FitError, match="frame 4 has a first pose, and is not among the frames"):
-        adapt_recording(limb.recording, limb.subject.anatomy, first_poses=given, frames=[0, 3, 6, 9])
+        adapt_recording(limb.recording, limb.subject.anatomy, AdaptOptions(first_poses=given, frames=[0, 3, 6, 9]))
 
 
 def test_a_forearm_turned_over_in_some_candidates_is_turned_back_from_its_neighbours(limb):

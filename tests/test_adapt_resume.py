@@ -8,15 +8,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-import adapt.fit.recording as fitting
+import adapt.adapt_recording as fitting
 import adapt.search.candidates as finding
-from adapt.run import adapt_into, journal_path
+from adapt.adapt_to_file import adapt_into, journal_path
+from adapt.options import AdaptOptions
 from adapt.search.first_pose import try_pose
 from adapt.search.search_journal import FoundPoses
 from adapt.subject import load_subject
 from capture.cloud.fuse import Region
 from capture.errors import FitError
-from capture.journal import resume_journal
+from capture.journal import BEGUN_ANEW, resume_journal
 
 FRAMES = (0, 3, 6, 9)
 
@@ -54,8 +55,11 @@ def stop_at(text):
     return progress
 
 
-def adapted(limb, out, **options):
-    return adapt_into(out, limb.recording, limb.subject.anatomy, **{"frames": FRAMES, "poses": 4} | options)
+OPTIONS = AdaptOptions(frames=FRAMES, poses=4)
+
+
+def adapted(limb, out, **how):
+    return adapt_into(out, limb.recording, limb.subject.anatomy, OPTIONS, **how)
 
 
 def test_an_adaptation_that_was_cut_short_does_not_search_again(limb, tmp_path, searched):
@@ -86,15 +90,15 @@ def test_what_was_found_with_other_inputs_is_not_used(limb, tmp_path, searched, 
     out, recording, anatomy = tmp_path / "subject.npz", limb.recording, limb.subject.anatomy
     with pytest.raises(Stopped):
         adapted(limb, out, progress=stop_at("first pose 3 of 4"))
-    options = {"frames": FRAMES, "poses": 4}
+    options, told = OPTIONS, []
     if what == "anatomy":
         anatomy = replace(anatomy, landmarks=anatomy.landmarks + 1e-6)
     elif what == "options":
-        options["poses"] = 5
+        options = replace(options, poses=5)
     elif what == "first poses":
-        options["first_poses"] = {FRAMES[1]: limb.thetas[FRAMES[1]]}
+        options = replace(options, first_poses={FRAMES[1]: limb.thetas[FRAMES[1]]})
     elif what == "region":
-        options["region"] = Region(np.full(3, -9.0), np.full(3, 9.0))
+        options = replace(options, region=Region(np.full(3, -9.0), np.full(3, 9.0)))
     else:
         first, *others = recording.sensors
         moved = replace(first, camera=replace(first.camera, fx=first.camera.fx + 0.1))
@@ -105,7 +109,8 @@ def test_what_was_found_with_other_inputs_is_not_used(limb, tmp_path, searched, 
 
     assert journal_path(out).read_text().count("\n") > 1
     with pytest.raises(Stopped):
-        adapt_into(out, recording, anatomy, **options, progress=at_once)
+        adapt_into(out, recording, anatomy, options, progress=at_once, told=told.append)
+    assert told == [f"{journal_path(out)}: {BEGUN_ANEW}"]
     assert journal_path(out).read_text().count("\n") == 1  # the key alone
 
 

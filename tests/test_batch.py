@@ -15,13 +15,14 @@ from typing import Any
 
 import pytest
 
-import track.batch.run
+import track.batch.run_batch
+from adapt.model.shape.population import ANYBODY, Person
 from capture.errors import CloudError
 from capture.recording import open_recording
 from tests.known_limb import ANATOMY, KnownLimb
 from tests.test_region import LEFT, RIGHT, swinging
 from track.batch.items import BatchError, Item, read_items
-from track.batch.run import TABLE, run_batch, write_table
+from track.batch.run_batch import TABLE, run_batch, write_table
 from track.batch.work import Row, adapt_and_track, finished, run_item
 
 
@@ -119,6 +120,26 @@ def test_a_table_states_names_subjects_and_regions(tmp_path: Path) -> None:
     assert full == Item("walk-arm", tmp_path / "r/walk", "arm", tmp_path / "s.npz", (-1.0, -1.0, -1.0, 1.0, 1.0, 1.5))
 
 
+def test_what_is_said_of_the_person_is_kept_with_the_item_and_goes_into_the_adaptation(tmp_path, monkeypatch) -> None:
+    table = tmp_path / "batch.csv"
+    table.write_text("recording,anatomy,height,mass,sex\nr,leg,,,\nr2,lower-limb-right,1.62,55,female\n")
+    anybody, she = read_items(table)
+    assert anybody.person == ANYBODY
+    assert "person" not in anybody.described()  # as earlier versions wrote it
+    assert she.described()["person"] == {"height_m": 1.62, "mass_kg": 55.0, "sex": "female"}
+    swinging(tmp_path / "r2", LEFT, RIGHT)
+    people = []
+
+    def noted(out, recording, anatomy, options, **_):
+        people.append(options.person)
+        raise CloudError("far enough")
+
+    monkeypatch.setattr("adapt.adapt_to_file.adapt_into", noted)
+    with pytest.raises(CloudError, match="far enough"):
+        adapt_and_track(she, tmp_path / "out")
+    assert people == [Person(1.62, 55.0, "female")]
+
+
 def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_path: Path, monkeypatch) -> None:
     table = tmp_path / "table.csv"
     table.write_text("recording,anatomy,near\nr,leg,\nr2,leg,0.6 0 1.8\n")
@@ -128,11 +149,11 @@ def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_
     swinging(tmp_path / "r2", LEFT, RIGHT)
     regions = []
 
-    def noted(recording, subject, out, *, region):
-        regions.append(region)
+    def noted(recording, subject, out, options, **_):
+        regions.append(options.region)
         raise CloudError("far enough")
 
-    monkeypatch.setattr("track.run.track_recording", noted)
+    monkeypatch.setattr("track.track_recording.track_recording", noted)
     monkeypatch.setattr("adapt.subject.load_subject", lambda *_, **__: None)
     with pytest.raises(CloudError, match="far enough"):
         adapt_and_track(replace(somebody, subject=tmp_path / "s.npz"), tmp_path / "out")
@@ -153,6 +174,9 @@ def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_
         ("recording,anatomy,region\nr,leg,0 0 0 1 -1 1\n", "is no region"),
         ("recording,anatomy,near\nr,leg,0 0\n", "is no point; give x y z"),
         ("recording,anatomy,near\nr,leg,0 0 nan\n", "is no point"),
+        ("recording,anatomy,height\nr,leg,178\n", "give metres"),
+        ("recording,anatomy,mass\nr,leg,heavy\n", "no height and no mass; give m and kg"),
+        ("recording,anatomy,sex\nr,leg,man\n", "give male or female"),
         ("recording,anatomy,region,near\nr,leg,0 0 0 1 1 1,0 0 0\n", "both a region and a point"),
         ("recording,anatomy\n", "there are no recordings"),
     ],
@@ -207,15 +231,15 @@ class PausedCluster:
 
 def test_processes_that_are_all_paused_are_not_waited_for() -> None:
     with pytest.raises(BatchError, match="all 2 processes are paused"):
-        track.batch.run._refuse_if_paused(PausedCluster("paused", "paused"))
-    track.batch.run._refuse_if_paused(PausedCluster("paused", "running"))
-    track.batch.run._refuse_if_paused(PausedCluster("paused", "paused", executing=1))  # they end what they began
+        track.batch.run_batch._refuse_if_paused(PausedCluster("paused", "paused"))
+    track.batch.run_batch._refuse_if_paused(PausedCluster("paused", "running"))
+    track.batch.run_batch._refuse_if_paused(PausedCluster("paused", "paused", executing=1))  # they end what they began
 
 
 def test_the_processes_of_a_machine_share_its_memory_whatever_its_cores() -> None:
     """Dask's own choice; were it a core's part for each, many processes would be allowed more than there is."""
     system = pytest.importorskip("distributed.system", reason="Dask is not installed (extra: batch)")
-    with track.batch.run._client(None, 3, 0) as client:
+    with track.batch.run_batch._client(None, 3, 0) as client:
         limits = [worker["memory_limit"] for worker in client.scheduler_info()["workers"].values()]
     assert len(limits) == 3
     assert 0.8 * system.MEMORY_LIMIT < sum(limits) <= system.MEMORY_LIMIT
@@ -223,8 +247,8 @@ def test_the_processes_of_a_machine_share_its_memory_whatever_its_cores() -> Non
 
 def test_a_batch_looks_again_and_again_while_it_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[int] = []
-    monkeypatch.setattr(track.batch.run, "_LOOK_EVERY_S", 0.2)
-    monkeypatch.setattr(track.batch.run, "_refuse_if_paused", lambda client: looked.append(1))
+    monkeypatch.setattr(track.batch.run_batch, "_LOOK_EVERY_S", 0.2)
+    monkeypatch.setattr(track.batch.run_batch, "_refuse_if_paused", lambda client: looked.append(1))
     rows = run_batch([Item("slow", tmp_path / "slow", ANATOMY)], tmp_path / "out", workers=1, work=_slow)
     assert [row.name for row in rows] == ["slow"]
     assert looked

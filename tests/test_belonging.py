@@ -15,17 +15,17 @@ from click.testing import CliRunner
 from adapt.model.body import make_body
 from adapt.subject import load_subject, save_subject
 from capture.calibration.calibrate import write_calibration
+from capture.provenance import recording_used
 from capture.recording import open_recording
 from capture.recording.fingerprint import fingerprint
 from capture.recording.types import SensorCalibration
-from capture.settings import recording_used
 from tests.known_motion import known_motion, reported_subject
 from track.belonging import adapted_elsewhere, refuse_other_subject, subject_fingerprint, tracked_elsewhere
 from track.commands import track_command
 from track.evaluation.random_bodies import random_body
 from track.export.files import export_motion
 from track.motion import MotionError, load_motion, save_motion
-from track.settings import settings_of
+from track.options import TrackOptions
 from track.view.report import write_report
 from track.view.scene import motion_scene, subject_scene
 
@@ -39,9 +39,7 @@ def subject(limb):
 
 @pytest.fixture(scope="module")
 def motion(limb, subject):
-    settings = settings_of(
-        limb.recording, {}, subject=subject_fingerprint(subject), region=None, poses=(), world_from_thorax=None
-    )
+    settings = TrackOptions().used(limb.recording, subject=subject_fingerprint(subject), thresholds={})
     return replace(known_motion(limb), settings=settings)
 
 
@@ -111,9 +109,7 @@ def test_tracking_a_subject_in_another_recording_is_allowed_and_said(limb, subje
     assert adapted_elsewhere(subject, limb.recording) is None
     assert "was adapted in another recording (recording)" in adapted_elsewhere(subject, other)
     assert tracked_elsewhere(motion, subject) is None
-    settings = settings_of(
-        other, {}, subject=subject_fingerprint(subject), region=None, poses=(), world_from_thorax=None
-    )
+    settings = TrackOptions().used(other, subject=subject_fingerprint(subject), thresholds={})
     elsewhere = replace(motion, settings=settings)
     assert "was adapted in another recording" in tracked_elsewhere(elsewhere, subject)
     pytest.importorskip("plotly", reason="the report needs plotly")

@@ -21,7 +21,7 @@ from capture.recording.depth_png import write_readings
 from tests.known_limb import FRAMES
 from tests.test_cli import bonetrack, fails
 from tests.test_track import same_motion
-from track.run import JOURNAL, track_recording
+from track.track_recording import JOURNAL, track_recording
 
 IMAGES = 60
 

@@ -17,7 +17,7 @@ from adapt.model.body import joint_centres, pose_skin
 from adapt.model.surface import vertex_areas
 from adapt.search.first_pose import find_pose, locate, try_pose
 from adapt.search.limb_segments import slender_parts, thicker_than
-from adapt.search.pose_score import attached_share, find_skin, score_pose, void_share
+from adapt.search.pose_score import find_skin, free_space_share, merged_share, score_pose
 from capture.cloud.fuse import Cloud, Region, View, view_points
 from capture.errors import FitError
 from capture.rigid import exp_so3, log_so3
@@ -50,14 +50,14 @@ def test_a_limb_is_found_in_a_cloud_from_nothing(limb, searched):
     joints = np.rad2deg(np.abs(searched.fit.theta - limb.thetas[FRAME])[6:])
     assert joints.max() < 5.0, joints  # measured: 1 to 3 degrees
     assert searched.coverage > 0.95
-    assert searched.attached < 0.1
+    assert searched.merged_outline < 0.1
 
 
 def test_the_true_pose_scores_better_than_wrong_ones(limb, searched, sample):
     body, target = limb.subject.body, limb.targets[FRAME]
     for wrong in (turned_about(limb, np.pi), elbow_off(limb, np.deg2rad(40.0))):
         held = fit_pose(body, target, wrong, sample, updates=0)
-        assert score_pose(body, target, held, sample).badness_m > 1.5 * searched.badness_m
+        assert score_pose(body, target, held, sample).cost_m > 1.5 * searched.cost_m
 
 
 def test_skin_in_sight_is_found_where_the_pose_is_right_and_not_where_it_is_wrong(limb, searched, sample):
@@ -237,24 +237,24 @@ def placed(body, theta, sample):
     return skin[chosen][None], sample.normals(skin)[chosen][None], sample.observations[chosen]
 
 
-def test_a_free_limb_is_not_attached(limb, sample):
+def test_a_free_limb_is_not_merged(limb, sample):
     body = limb.subject.body
     for elbow in (20.0, 90.0):
         theta = bent(body, elbow, 0.0)
-        share = attached_share(exact_target(body, theta).cloud, *placed(body, theta, sample))
+        share = merged_share(exact_target(body, theta).cloud, *placed(body, theta, sample))
         assert share.shape == (1,)
         assert share[0] < 0.05, elbow
 
 
 @pytest.mark.parametrize(("in_front_m", "least", "most"), [(0.0, 0.9, 1.0), (0.3, 0.0, 0.05)])
-def test_a_limb_laid_out_on_a_surface_is_attached_and_one_before_it_is_not(limb, sample, in_front_m, least, most):
+def test_a_limb_laid_out_on_a_surface_is_merged_and_one_before_it_is_not(limb, sample, in_front_m, least, most):
     wall = cloud_of(plane(carmine_camera(), np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.4])))
     body = limb.subject.body
     points, normals, weights = placed(body, bent(body, 0.0, 0.0), sample)
     middle = points[0].mean(axis=0)
     flat = np.linalg.svd(points[0] - middle, full_matrices=False)[2]  # the longest axis first, the thinnest along Z
     laid = (points - middle) @ flat.T + [0.0, 0.0, 1.4 - in_front_m]
-    assert least <= attached_share(wall, laid, normals @ flat.T, weights)[0] <= most
+    assert least <= merged_share(wall, laid, normals @ flat.T, weights)[0] <= most
 
 
 # ---- empty space
@@ -265,14 +265,14 @@ def test_a_limb_where_the_sensors_saw_it_is_not_in_the_void_and_one_beside_it_is
     skin = pose_skin(limb.subject.body, limb.thetas[FRAME])
     areas = vertex_areas(skin, limb.subject.anatomy.skin_faces)
     placed_there = np.stack([skin, skin + np.array([0.0, 0.15, 0.0])])
-    there, beside = void_share(limb.targets[FRAME].cloud, placed_there, areas)
+    there, beside = free_space_share(limb.targets[FRAME].cloud, placed_there, areas)
     assert there < 0.1
     assert beside > 0.6
 
 
-@pytest.mark.parametrize(("depth_m", "void"), [(1.1, 1.0), (2.2, 0.0)])
-def test_a_limb_before_a_wall_is_in_the_void_and_one_hidden_behind_it_is_not(limb, depth_m, void):
+@pytest.mark.parametrize(("depth_m", "free_space"), [(1.1, 1.0), (2.2, 0.0)])
+def test_a_limb_before_a_wall_is_in_free_space_and_one_hidden_behind_it_is_not(limb, depth_m, free_space):
     wall = cloud_of(board(carmine_camera(), 1.6, (-2.0, 2.0), (-2.0, 2.0)))
     skin = pose_skin(limb.subject.body, bent(limb.subject.body, 60.0, 0.0))
     moved = skin - skin.mean(axis=0) + np.array([0.0, 0.0, depth_m])
-    assert void_share(wall, moved[None], np.ones(len(skin)))[0] == pytest.approx(void, abs=0.02)
+    assert free_space_share(wall, moved[None], np.ones(len(skin)))[0] == pytest.approx(free_space, abs=0.02)

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from capture._open3d import open3d
 from capture.camera import Camera, backproject
 from capture.commands import import_command
-from capture.importers import Stated, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from capture.importers.axes import sensor_from_axes
 from capture.importers.lzf import unpack, unpacked
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-STATED = Stated(fx=60.0, size=(64, 48))
+STATED = UserCamera(fx=60.0, size=(64, 48))
 
 
 def points() -> np.ndarray:
@@ -39,15 +39,19 @@ def ply(path, xyz, *, comment=""):
 def test_realsense_says_in_the_header_that_its_axes_are_others(tmp_path):
     comment = "comment pointcloud saved from Realsense Viewer\n"
     path = ply(tmp_path / "a.ply", points() * (1.0, -1.0, -1.0), comment=comment)
-    np.testing.assert_array_equal(images(import_recording(path, tmp_path / "rec", stated=STATED))[0], readings())
+    np.testing.assert_array_equal(
+        images(import_recording(path, tmp_path / "rec", ImportOptions(cameras=STATED)))[0], readings()
+    )
     # Programs that copied the header, but not the change of axes, are read as they are.
     path = ply(tmp_path / "b.ply", points(), comment=comment)
-    np.testing.assert_array_equal(images(import_recording(path, tmp_path / "b", stated=STATED))[0], readings())
+    np.testing.assert_array_equal(
+        images(import_recording(path, tmp_path / "b", ImportOptions(cameras=STATED)))[0], readings()
+    )
 
 
 def test_clouds_of_other_axes_are_refused_until_they_are_stated(tmp_path):
     path = ply(tmp_path / "a.ply", points() * (1.0, -1.0, -1.0))
-    refused(path, tmp_path, r"points behind the sensor, .*--axes x-right,y-up,z-back", stated=STATED)
+    refused(path, tmp_path, r"points behind the sensor, .*--axes x-right,y-up,z-back", cameras=STATED)
     arguments = [str(path), "--out", str(tmp_path / "rec"), "--fx", "60", "--width", "64", "--height", "48"]
     result = CliRunner().invoke(import_command, [*arguments, "--axes", "x-right,y-up,z-back"])
     assert result.exit_code == 0, result.output
@@ -63,8 +67,8 @@ def test_axes_of_either_handedness_put_points_where_they_were(tmp_path):
         ]
     ):
         path = ply(tmp_path / f"{number}.ply", stored)
-        stated = Stated(fx=60.0, size=(64, 48), axes=text)
-        got = import_recording(path, tmp_path / f"rec{number}", stated=stated)
+        stated = UserCamera(fx=60.0, size=(64, 48), axes=text)
+        got = import_recording(path, tmp_path / f"rec{number}", ImportOptions(cameras=stated))
         np.testing.assert_array_equal(images(got)[0], readings())
 
 
@@ -81,15 +85,16 @@ def test_a_packed_pcd_comes_in_as_an_unpacked_one(tmp_path):
     data = (tmp_path / "packed.pcd").read_bytes()
     assert b"DATA binary_compressed" in data
     np.testing.assert_array_equal(
-        images(import_recording(tmp_path / "packed.pcd", tmp_path / "rec", stated=STATED))[0], readings()
+        images(import_recording(tmp_path / "packed.pcd", tmp_path / "rec", ImportOptions(cameras=STATED)))[0],
+        readings(),
     )
     (tmp_path / "cut.pcd").write_bytes(data[:-20])
-    refused(tmp_path / "cut.pcd", tmp_path, "its end is missing", stated=STATED)
+    refused(tmp_path / "cut.pcd", tmp_path, "its end is missing", cameras=STATED)
     head, _, body = data.partition(b"DATA binary_compressed\n")
     changed = bytearray(body)
     changed[8:40] = b"\xff" * 32
     (tmp_path / "changed.pcd").write_bytes(head + b"DATA binary_compressed\n" + bytes(changed))
-    refused(tmp_path / "changed.pcd", tmp_path, "compressed points are damaged", stated=STATED)
+    refused(tmp_path / "changed.pcd", tmp_path, "compressed points are damaged", cameras=STATED)
 
 
 @settings(max_examples=200)

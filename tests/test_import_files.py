@@ -15,7 +15,7 @@ from capture.camera import Camera, backproject
 from capture.commands import import_command
 from capture.commands.import_files import _FORMAT_NAMES
 from capture.errors import BonetrackError, RecordingError
-from capture.importers import FORMATS, Stated, import_recording
+from capture.importers import FORMATS, ImportOptions, UserCamera, import_recording
 from capture.importers.azure_kinect import has_rays
 from capture.importers.realsense import Lens, camera_of
 from capture.projection import project
@@ -34,7 +34,7 @@ def images(recording: Recording) -> list[np.ndarray]:
 
 def refused(path: Path, tmp_path: Path, match: str, **options) -> None:
     with pytest.raises(BonetrackError, match=match) as raised:
-        import_recording(path, tmp_path / "refused", overwrite=True, **options)
+        import_recording(path, tmp_path / "refused", ImportOptions(overwrite=True, **options))
     assert "\n" not in str(raised.value)
     assert path.name in str(raised.value)
 
@@ -101,8 +101,8 @@ class TestRealSense:
 
 
 def test_a_stated_camera_overrides_the_files(tmp_path):
-    stated = Stated(fx=70.0, depth_unit_m=0.002)
-    sensor = import_recording(FILES / "realsense.db3", tmp_path / "rec", stated=stated).sensors[0]
+    stated = UserCamera(fx=70.0, depth_unit_m=0.002)
+    sensor = import_recording(FILES / "realsense.db3", tmp_path / "rec", ImportOptions(cameras=stated)).sensors[0]
     assert (sensor.camera.fx, sensor.camera.fy, sensor.camera.cx) == (70.0, 70.0, 31.5)
     assert sensor.depth_unit_m == 0.002
 
@@ -182,7 +182,7 @@ class TestAzureKinect:
         paths = [tmp_path / "master.mkv", tmp_path / "subordinate.mkv"]
         azure_kinect.write(paths[0], tags=tags("MASTER", 0.336277))
         azure_kinect.write(paths[1], tags=tags("SUBORDINATE", 0.380277))
-        recording = import_recording(paths, tmp_path / "rec", offset="clock")
+        recording = import_recording(paths, tmp_path / "rec", ImportOptions(offset="clock"))
         first, second = (sensor.frames[0].time_s for sensor in recording.sensors)
         assert second - first == pytest.approx(0.044, abs=1e-6)
         assert "from 0.336277 s on, wired sync MASTER" in recording.created_by
@@ -194,7 +194,7 @@ class TestAzureKinect:
 
         path = azure_kinect.write(tmp_path / "alone.mkv", tags={"K4A_WIRED_SYNC_MODE": "STANDALONE"})
         with pytest.raises(RecordingError, match=r"STANDALONE, .* shares no clock .*--offset motion"):
-            import_recording([path, path], tmp_path / "rec", offset="clock")
+            import_recording([path, path], tmp_path / "rec", ImportOptions(offset="clock"))
 
     def test_the_lens_is_that_of_the_mode(self, tmp_path):
         camera = import_recording(self.write(tmp_path), tmp_path / "rec").sensors[0].camera
@@ -209,8 +209,8 @@ class TestAzureKinect:
     def test_without_calibration_the_focal_length_is_asked_for(self, tmp_path):
         path = self.write(tmp_path, calibration=None)
         refused(path, tmp_path, "focal length.*--fx")
-        stated = Stated(fx=252.0)
-        assert import_recording(path, tmp_path / "rec", stated=stated).sensors[0].camera.fx == 252.0
+        stated = UserCamera(fx=252.0)
+        assert import_recording(path, tmp_path / "rec", ImportOptions(cameras=stated)).sensors[0].camera.fx == 252.0
 
     @pytest.mark.parametrize(
         ("lens", "match"),
@@ -307,9 +307,11 @@ class TestColourInARecording:
     def test_overwriting_removes_old_colour(self, tmp_path):
         from tests.two_sensors import write_limb
 
-        import_recording(FILES / "realsense.db3", tmp_path / "rec", sensor_names=["left"])
+        import_recording(FILES / "realsense.db3", tmp_path / "rec", ImportOptions(sensor_names=["left"]))
         assert (tmp_path / "rec" / "left" / "colour.csv").exists()
-        import_recording(FILES / "realsense.db3", tmp_path / "rec", sensor_names=["other"], overwrite=True)
+        import_recording(
+            FILES / "realsense.db3", tmp_path / "rec", ImportOptions(sensor_names=["other"], overwrite=True)
+        )
         assert not list((tmp_path / "rec" / "left").iterdir())
         assert write_limb(tmp_path / "new").sensors[0].colour is None
 
@@ -342,6 +344,6 @@ def test_a_depth_image_that_claims_more_than_it_can_hold_is_refused_before_memor
 
     path = tmp_path / "bomb.png"
     path.write_bytes(png(16384, 16384))
-    refused(path, tmp_path, "impossible size", stated=Stated(fx=500.0))
+    refused(path, tmp_path, "impossible size", cameras=UserCamera(fx=500.0))
     path.write_bytes(png(5000, 5000))
-    refused(path, tmp_path, "too short for the size", stated=Stated(fx=500.0))
+    refused(path, tmp_path, "too short for the size", cameras=UserCamera(fx=500.0))

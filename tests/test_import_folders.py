@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from capture.camera import backproject
-from capture.importers import Stated, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from capture.recording import read_depth
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 from tests.two_sensors import CAMERA, limb_depth, poses
 
-STATED = Stated(fx=scene.FX)
+STATED = UserCamera(fx=scene.FX)
 
 
 def write_images(folder, *, colour=None, name="{:03d}.png"):
@@ -40,7 +40,7 @@ def tum(tmp_path):
 
 
 def test_a_tum_sequence_keeps_its_times_factor_and_colour(tum, tmp_path):
-    recording = import_recording(tum, tmp_path / "rec", stated=STATED)
+    recording = import_recording(tum, tmp_path / "rec", ImportOptions(cameras=STATED))
     (sensor,) = recording.sensors
     assert sensor.depth_unit_m == 1.0 / 5000.0
     np.testing.assert_allclose([frame.time_s for frame in sensor.frames], [0.0, 0.033, 0.066], atol=1e-6)
@@ -62,9 +62,9 @@ def test_faults_of_a_tum_sequence_are_one_clear_line(tum, tmp_path):
         ("2.0 depth/000.png\n1.0 depth/001.png", "does not come after"),
     ):
         (tum / "depth.txt").write_text(text)
-        refused(tum, tmp_path, match, stated=STATED)
+        refused(tum, tmp_path, match, cameras=STATED)
     (tum / "depth.txt").write_bytes(b"\xff\xfe\x00")
-    refused(tum, tmp_path, "not text", stated=STATED)
+    refused(tum, tmp_path, "not text", cameras=STATED)
 
 
 def write_camera(folder, **changes):
@@ -100,7 +100,7 @@ def test_the_rate_and_length_that_open3ds_reader_notes_are_held_against_the_imag
     assert "a nominal rate of 15 Hz (as intrinsic.json tells: the names tell no time but count, 000 to 002" in words
     assert "and its length of 0.13 s agrees" in words
     write_camera(folder, fps=15.0, stream_length_usec=2_000_000)
-    words = import_recording(folder, tmp_path / "rec", overwrite=True).created_by
+    words = import_recording(folder, tmp_path / "rec", ImportOptions(overwrite=True)).created_by
     assert "warning: the recording was 2.00 s long and these images make 0.13 s" in words
 
 
@@ -177,15 +177,17 @@ def test_other_clouds_are_projected_by_a_stated_camera(limb, order, tmp_path):
     depth, points = limb
     write_ply(tmp_path / "0.ply", points[np.isfinite(points).all(axis=1)][::-1], order=order)
     refused(tmp_path / "0.ply", tmp_path, r"focal length.*--fx")
-    stated = Stated(fx=CAMERA.fx, size=(CAMERA.width, CAMERA.height))
-    (sensor,) = import_recording(tmp_path / "0.ply", tmp_path / "rec", stated=stated).sensors
+    stated = UserCamera(fx=CAMERA.fx, size=(CAMERA.width, CAMERA.height))
+    (sensor,) = import_recording(tmp_path / "0.ply", tmp_path / "rec", ImportOptions(cameras=stated)).sensors
     np.testing.assert_allclose(read_depth(sensor, sensor.frames[0]), depth, atol=0.00006)
 
 
 def test_of_points_in_one_pixel_the_nearest_counts(tmp_path):
     points = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 1.0], [0.0, 0.0, 3.0]])
-    stated = Stated(fx=50.0, size=(11, 11))
-    sensor = import_recording(write_ply(tmp_path / "a.ply", points), tmp_path / "rec", stated=stated).sensors[0]
+    stated = UserCamera(fx=50.0, size=(11, 11))
+    sensor = import_recording(
+        write_ply(tmp_path / "a.ply", points), tmp_path / "rec", ImportOptions(cameras=stated)
+    ).sensors[0]
     assert read_depth(sensor, sensor.frames[0])[5, 5] == pytest.approx(1.0)
 
 
@@ -196,8 +198,8 @@ def test_faults_of_clouds_are_one_clear_line(limb, tmp_path):
     refused(write_pcd(path, -points, (CAMERA.width, CAMERA.height)), tmp_path, "points behind the sensor, .*--axes")
     shuffled = np.random.default_rng(0).permutation(points)
     refused(write_pcd(path, shuffled, (CAMERA.width, CAMERA.height)), tmp_path, "off any camera's pixels")
-    stated = Stated(fx=287.0, size=(320, 240))
-    refused(write_ply(tmp_path / "b.ply", -points), tmp_path, "points behind the sensor, .*--axes", stated=stated)
+    stated = UserCamera(fx=287.0, size=(320, 240))
+    refused(write_ply(tmp_path / "b.ply", -points), tmp_path, "points behind the sensor, .*--axes", cameras=stated)
     for old, new, match in (
         (b"DATA binary", b"DATA binary_compressed", "its end is missing, or its points"),
         (b"WIDTH 320", b"WIDTH 320000000", "claims"),

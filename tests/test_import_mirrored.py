@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from capture.camera import Camera, backproject
 from capture.commands import import_command
 from capture.errors import RecordingError
-from capture.importers import Stated, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from capture.importers.mirror import unmirrored_camera
 from capture.projection import project
 from capture.recording import RecordingWriter, Sensor, open_recording, read_depth
@@ -38,8 +38,8 @@ def test_mirrored_images_come_in_true_with_the_camera_and_a_note(tmp_path):
     folder.mkdir()
     for frame in range(3):
         cv2.imwrite(str(folder / f"{frame}.png"), scene.readings(frame)[:, ::-1])
-    stated = Stated(fx=60.0, cx=30.0, distortion=(0.1, 0.0, 0.01, -0.02), mirrored=True)
-    recording = import_recording(folder, tmp_path / "rec", stated=stated)
+    stated = UserCamera(fx=60.0, cx=30.0, distortion=(0.1, 0.0, 0.01, -0.02), mirrored=True)
+    recording = import_recording(folder, tmp_path / "rec", ImportOptions(cameras=stated))
     (sensor,) = recording.sensors
     for frame, image in enumerate(images(recording)):
         np.testing.assert_array_equal(image, scene.readings(frame))
@@ -47,7 +47,9 @@ def test_mirrored_images_come_in_true_with_the_camera_and_a_note(tmp_path):
     assert (sensor.camera.cx, sensor.camera.distortion) == (33.0, (0.1, 0.0, 0.01, 0.02))
     assert "turned back" in recording.created_by
 
-    plain = import_recording(folder, tmp_path / "plain", stated=Stated(fx=60.0, cx=30.0, distortion=stated.distortion))
+    plain = import_recording(
+        folder, tmp_path / "plain", ImportOptions(cameras=UserCamera(fx=60.0, cx=30.0, distortion=stated.distortion))
+    )
     assert not plain.sensors[0].mirrored
     true, false = (backproject(one.camera, read_depth(one, one.frames[0])) for one in (sensor, plain.sensors[0]))
     np.testing.assert_allclose(true, false[:, ::-1] * (-1.0, 1.0, 1.0), atol=1e-6)
@@ -55,7 +57,9 @@ def test_mirrored_images_come_in_true_with_the_camera_and_a_note(tmp_path):
 
 def test_the_colour_images_beside_mirrored_depth_are_turned_too(tmp_path):
     folder = write_images(tmp_path / "folder", colour="color")
-    recording = import_recording(folder, tmp_path / "rec", stated=Stated(fx=scene.FX, mirrored=True))
+    recording = import_recording(
+        folder, tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=scene.FX, mirrored=True))
+    )
     colour = recording.sensors[0].colour
     np.testing.assert_array_equal(cv2.imread(str(colour.frames[0].path))[..., ::-1], scene.colour(0)[:, ::-1])
     assert colour.camera == recording.sensors[0].camera
@@ -70,15 +74,15 @@ def test_clouds_are_mirrored_in_x(tmp_path):
         f"property float {axis}\n" for axis in "xyz"
     )
     (tmp_path / "cloud.ply").write_text(f"{header}end_header\n{lines}\n")
-    stated = Stated(fx=60.0, size=(64, 48), mirrored=True)
-    (image,) = images(import_recording(tmp_path / "cloud.ply", tmp_path / "rec", stated=stated))
+    stated = UserCamera(fx=60.0, size=(64, 48), mirrored=True)
+    (image,) = images(import_recording(tmp_path / "cloud.ply", tmp_path / "rec", ImportOptions(cameras=stated)))
     np.testing.assert_array_equal(image, scene.readings(0) * 10)
 
 
 def test_a_file_that_says_that_it_is_mirrored_is_turned_once(tmp_path):
     name = FILES / "openni-mirrored-jpeg.oni"
     by_itself = import_recording(name, tmp_path / "a")
-    asked = import_recording(name, tmp_path / "b", stated=Stated(mirrored=True))
+    asked = import_recording(name, tmp_path / "b", ImportOptions(cameras=UserCamera(mirrored=True)))
     assert by_itself.sensors[0].mirrored
     assert by_itself.sensors[0].camera == asked.sensors[0].camera
     np.testing.assert_array_equal(images(by_itself)[0], images(asked)[0])
@@ -86,8 +90,12 @@ def test_a_file_that_says_that_it_is_mirrored_is_turned_once(tmp_path):
 
 
 def test_a_camera_stated_for_a_mirrored_file_is_that_of_its_images(tmp_path):
-    stated = Stated(fx=60.0, cx=40.0)
-    camera = import_recording(FILES / "openni-mirrored-jpeg.oni", tmp_path / "rec", stated=stated).sensors[0].camera
+    stated = UserCamera(fx=60.0, cx=40.0)
+    camera = (
+        import_recording(FILES / "openni-mirrored-jpeg.oni", tmp_path / "rec", ImportOptions(cameras=stated))
+        .sensors[0]
+        .camera
+    )
     assert camera.cx == scene.WIDTH - 1 - 40.0
 
 

@@ -14,7 +14,15 @@ from scipy.interpolate import PchipInterpolator
 from capture.camera import Camera
 from capture.commands import import_command
 from capture.errors import RecordingError
-from capture.importers import DepthFrame, Source, Stated, estimate_offset, import_recording, motion_of
+from capture.importers import (
+    DepthFrame,
+    ImportOptions,
+    Source,
+    UserCamera,
+    estimate_offset,
+    import_recording,
+    motion_of,
+)
 from capture.recording import Sensor, instants, open_recording
 from tests.test_import_files import FILES
 
@@ -108,7 +116,7 @@ def test_files_of_two_sensors_become_one_recording(tmp_path):
 
 def test_a_stated_offset_is_kept(tmp_path):
     paths = [FILES / "realsense.db3", FILES / "openni.oni"]
-    recording = import_recording(paths, tmp_path / "rec", offset=0.1)
+    recording = import_recording(paths, tmp_path / "rec", ImportOptions(offset=0.1))
     first, second = recording.sensors
     assert (first.name, second.name) == ("sensor-1", "sensor-2")
     assert (first.frames[0].time_s, second.frames[0].time_s) == (0.0, 0.1)
@@ -130,10 +138,12 @@ def of_the_computers_clock(path: Path) -> Path:
 
 def test_files_by_one_clock_keep_it(tmp_path):
     paths = [of_the_computers_clock(tmp_path / name) for name in ("a.db3", "b.db3")]
-    recording = import_recording(paths, tmp_path / "rec", offset="clock")
+    recording = import_recording(paths, tmp_path / "rec", ImportOptions(offset="clock"))
     assert [sensor.frames[0].time_s for sensor in recording.sensors] == [0.0, 0.0]
     with pytest.raises(RecordingError, match="as many different names"):
-        import_recording(paths, tmp_path / "rec", offset="clock", sensor_names=["left", "left"], overwrite=True)
+        import_recording(
+            paths, tmp_path / "rec", ImportOptions(offset="clock", sensor_names=["left", "left"], overwrite=True)
+        )
 
 
 @pytest.mark.parametrize(
@@ -141,7 +151,7 @@ def test_files_by_one_clock_keep_it(tmp_path):
 )
 def test_a_clock_that_a_file_cannot_share_is_not_taken_for_one(tmp_path, name, why):
     with pytest.raises(RecordingError, match=rf"{why}, so it shares no clock with the others.*--offset motion"):
-        import_recording([FILES / name, FILES / name], tmp_path / "rec", offset="clock")
+        import_recording([FILES / name, FILES / name], tmp_path / "rec", ImportOptions(offset="clock"))
 
 
 def test_images_whose_names_tell_no_time_are_said_to_begin_at_once(tmp_path):
@@ -149,20 +159,20 @@ def test_images_whose_names_tell_no_time_are_said_to_begin_at_once(tmp_path):
         write_raw(tmp_path / name, sees(performance(1), turn=0.0, start_s=5.0, seconds=0.5, fps=30.0, seed=seed))
         for seed, name in enumerate(("a.raw", "b.raw"))
     ]
-    stated = Stated(fx=70.0, size=(80, 60))
-    recording = import_recording(paths, tmp_path / "rec", stated=stated, offset="clock")
+    stated = UserCamera(fx=70.0, size=(80, 60))
+    recording = import_recording(paths, tmp_path / "rec", ImportOptions(cameras=stated, offset="clock"))
     assert "none has a clock, so all are taken to begin at once" in recording.created_by
     mixed = [of_the_computers_clock(tmp_path / "c.db3"), paths[0]]
     with pytest.raises(RecordingError, match="nominal rate, so it shares no clock"):
-        import_recording(mixed, tmp_path / "mixed", stated=stated, offset="clock")
+        import_recording(mixed, tmp_path / "mixed", ImportOptions(cameras=stated, offset="clock"))
 
 
 def test_an_offset_after_which_nothing_overlaps_is_refused_and_leaves_no_recording(tmp_path):
     paths = [FILES / "realsense.db3", FILES / "openni.oni"]
     with pytest.raises(RecordingError, match=r"no time in common: 'sensor-1' 0\.00 to 0\.17 s and 'sensor-2' 60"):
-        import_recording(paths, tmp_path / "rec", offset=60.0)
+        import_recording(paths, tmp_path / "rec", ImportOptions(offset=60.0))
     assert not (tmp_path / "rec" / "recording.json").exists()
-    import_recording(paths, tmp_path / "rec", offset=0.1)
+    import_recording(paths, tmp_path / "rec", ImportOptions(offset=0.1))
 
 
 def test_an_offset_must_be_a_number_or_a_way_to_find_it(tmp_path):

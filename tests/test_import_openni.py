@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.importers import Stated, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from capture.importers.openni_codec import decode, decode_with_table
 from tests.sensor_files import scene
 from tests.test_import_files import FILES, images, refused
@@ -73,7 +73,10 @@ def changed(tmp_path: Path, old: bytes, new: bytes) -> Path:
 def test_without_angles_of_view_the_focal_length_is_asked_for(tmp_path):
     path = changed(tmp_path, b"xnFOV", b"xnFOX")
     refused(path, tmp_path, r"focal length.*--fx")
-    assert import_recording(path, tmp_path / "rec", stated=Stated(fx=60.0)).sensors[0].camera.cx == 31.5
+    assert (
+        import_recording(path, tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=60.0))).sensors[0].camera.cx
+        == 31.5
+    )
 
 
 def test_other_faults_are_one_clear_line(tmp_path):

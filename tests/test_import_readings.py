@@ -8,11 +8,11 @@ import pytest
 from click.testing import CliRunner
 
 from capture.commands import import_command
-from capture.importers import Stated, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from capture.recording import open_recording, read_depth
 from tests.test_import_files import images, refused
 
-STATED = Stated(fx=60.0)
+STATED = UserCamera(fx=60.0)
 METRES = np.tile(np.linspace(0.6, 2.4, 64), (48, 1))
 
 
@@ -49,24 +49,26 @@ def raw_disparity(metres):
     ],
 )
 def test_readings_of_no_use_are_refused_with_the_likely_cause(image, match, tmp_path):
-    refused(folder(tmp_path, image), tmp_path, match, stated=STATED)
+    refused(folder(tmp_path, image), tmp_path, match, cameras=STATED)
 
 
 def test_a_file_whose_first_images_are_empty_comes_in(tmp_path):
     path = folder(tmp_path, 1000 * METRES)
     cv2.imwrite(str(path / "0.png"), np.zeros((48, 64), np.uint16))
-    assert len(images(import_recording(path, tmp_path / "rec", stated=STATED))) == 3
+    assert len(images(import_recording(path, tmp_path / "rec", ImportOptions(cameras=STATED)))) == 3
 
 
 @pytest.mark.parametrize("largest", [2047, 1023])
 def test_a_person_in_millimetres_up_to_the_largest_disparity_is_none(largest, tmp_path):
     path = folder(tmp_path, np.minimum(np.linspace(600, 2400, 48 * 64).reshape(48, 64), largest))
-    assert len(images(import_recording(path, tmp_path / "rec", stated=STATED))) == 3
+    assert len(images(import_recording(path, tmp_path / "rec", ImportOptions(cameras=STATED)))) == 3
 
 
 def test_raw_disparities_become_distances_on_request(tmp_path):
     raw = raw_disparity(METRES)
-    recording = import_recording(folder(tmp_path, raw), tmp_path / "rec", stated=Stated(fx=60.0, disparity=True))
+    recording = import_recording(
+        folder(tmp_path, raw), tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=60.0, disparity=True))
+    )
     (sensor,) = recording.sensors
     depth = read_depth(sensor, sensor.frames[0])
     assert (depth[raw == 2047] == 0.0).all()
@@ -77,13 +79,15 @@ def test_raw_disparities_become_distances_on_request(tmp_path):
 
 
 def test_disparities_of_10_bits_are_not_converted_as_if_they_were_of_11(tmp_path):
-    stated = Stated(fx=60.0, disparity=True)
-    refused(folder(tmp_path, raw_disparity(METRES) // 2), tmp_path, r"of 10 bits.*FREENECT_DEPTH_MM", stated=stated)
+    stated = UserCamera(fx=60.0, disparity=True)
+    refused(folder(tmp_path, raw_disparity(METRES) // 2), tmp_path, r"of 10 bits.*FREENECT_DEPTH_MM", cameras=stated)
 
 
 def test_the_range_that_is_stated_is_the_recordings(tmp_path):
     path = folder(tmp_path, 3000 * METRES)  # up to 7.2 m
-    recording = import_recording(path, tmp_path / "rec", stated=Stated(fx=60.0, depth_range_m=(0.1, 8.0)))
+    recording = import_recording(
+        path, tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=60.0, depth_range_m=(0.1, 8.0)))
+    )
     (sensor,) = recording.sensors
     assert sensor.depth_range_m == (0.1, 8.0)
     assert read_depth(sensor, sensor.frames[0]).max() == pytest.approx(7.2)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.importers import Stated, import_recording
+from capture.importers import ImportOptions, UserCamera, import_recording
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 
@@ -42,7 +42,7 @@ def folder(tmp_path):
 
 @pytest.mark.parametrize("pattern", [None, "*_Depth.raw"])
 def test_times_size_and_camera_are_the_tables(folder, tmp_path, pattern):
-    recording = import_recording(folder, tmp_path / "rec", stated=Stated(pattern=pattern))
+    recording = import_recording(folder, tmp_path / "rec", ImportOptions(cameras=UserCamera(pattern=pattern)))
     (sensor,) = recording.sensors
     camera = sensor.camera
     assert (camera.width, camera.height, camera.fx, camera.fy) == (WIDTH, HEIGHT, 61.25, 60.5)
@@ -54,7 +54,7 @@ def test_times_size_and_camera_are_the_tables(folder, tmp_path, pattern):
 
 
 def test_what_is_stated_goes_before_the_tables(folder, tmp_path):
-    recording = import_recording(folder, tmp_path / "rec", stated=Stated(fx=70.0, fps=10.0))
+    recording = import_recording(folder, tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=70.0, fps=10.0)))
     (sensor,) = recording.sensors
     assert sensor.camera.fx == 70.0
     assert [frame.time_s for frame in sensor.frames] == [0.0, 0.1, 0.2]
@@ -80,7 +80,10 @@ def test_a_lens_without_its_coefficients_is_refused_unless_stated(tmp_path):
     for frame in range(3):
         snapshot(home, f"{frame}", frame, model="Inverse Brown Conrady")
     refused(home, tmp_path, r"Inverse Brown Conrady\) without its coefficients.*--fx and --distortion")
-    assert import_recording(home, tmp_path / "rec", stated=Stated(fx=60.0)).sensors[0].camera.fx == 60.0
+    assert (
+        import_recording(home, tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=60.0))).sensors[0].camera.fx
+        == 60.0
+    )
 
 
 def test_faults_of_dumps_and_tables_are_one_clear_line(folder, tmp_path):

@@ -127,7 +127,7 @@ def test_the_compiled_chain_moves_as_the_model_does(case: tuple[Body, Joint], be
     for theta in thetas_of(body, joint):
         there = theta + beyond * rng.uniform(-1.0, 1.0, len(theta))
         model = bone_motions(body.anatomy, there, constant_points(body.p.value, len(there)))
-        fast = move_bones(body.prepared[0], there)
+        fast = move_bones(body.prepared.chain, there)
         for b, bone in enumerate(body.anatomy.bones):
             for part in ("rotation", "translation", "d_rotation", "d_translation"):
                 expected = getattr(model[bone.name], part)

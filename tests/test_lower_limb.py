@@ -6,7 +6,7 @@ import pytest
 from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.shape.handle_space import affine_set
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.prior import shape_prior
 from adapt.template_builder.joint_accuracy import compare_with_table
 from adapt.template_builder.knee import PATELLAR_FACETS, PATELLOFEMORAL, PLATEAU, WALKER_KNEE
 from adapt.template_builder.lower_limb import LOWER_LIMB_RIGHT
@@ -125,7 +125,7 @@ def test_the_knee_does_not_collapse_in_front_when_it_bends(body, flexion):
 def test_a_bone_with_all_its_handles_at_one_joint_is_no_bone_between_joints(leg):
     """The kneecap: what is known of shapes before the data is finite, and grows with no length of its own."""
     affine = affine_set(leg)
-    precision = shape_precision(leg, affine)
+    precision = shape_prior(leg, affine).precision
     assert np.isfinite(precision).all()
     assert np.linalg.eigvalsh(precision).min() > 0.0
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from capture.errors import RecordingError
-from capture.importers import Stated, import_recording, natural_order
+from capture.importers import ImportOptions, UserCamera, import_recording, natural_order
 from capture.importers.names import NamedTimes, named_times
 from tests.sensor_files import scene
 
@@ -103,9 +103,9 @@ def test_the_summary_of_import_says_whence_times_are(tmp_path):
     (tmp_path / "files").mkdir()
     for k in range(6):
         cv2.imwrite(str(tmp_path / "files" / f"{9.8 + 0.1 * k:.1f}.png"), scene.readings(k))
-    recording = import_recording(tmp_path / "files", tmp_path / "rec", stated=Stated(fx=60.0))
+    recording = import_recording(tmp_path / "files", tmp_path / "rec", ImportOptions(cameras=UserCamera(fx=60.0)))
     np.testing.assert_allclose([frame.time_s for frame in recording.sensors[0].frames], np.arange(6) / 10, atol=1e-9)
     assert "times by the file names (seconds, 10 Hz)" in recording.created_by
     with pytest.raises(RecordingError, match=r"has 0\.1 frames a second.*--fps"):
-        import_recording(tmp_path / "files", tmp_path / "slow", stated=Stated(fx=60.0, fps=0.1))
+        import_recording(tmp_path / "files", tmp_path / "slow", ImportOptions(cameras=UserCamera(fx=60.0, fps=0.1)))
     assert not (tmp_path / "slow" / "recording.json").exists()

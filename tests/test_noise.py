@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise, trusted
+from adapt.fit.problem import SIGMA_M
 from adapt.match.correspondences import Correspondences
 from adapt.match.skin_sample import sample_skin
 

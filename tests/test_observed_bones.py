@@ -11,6 +11,7 @@ import pytest
 import track.tracker
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
+from adapt.fit.posterior import inflate_unobserved
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from adapt.model.body import bone_transforms, joint_centres, make_body, pose_skin, rest_theta
@@ -29,8 +30,9 @@ from track.observed_bones import (
     known_thetas,
     skin_shown,
 )
-from track.prediction import unsure_where_unknown
-from track.run import track_recording
+from track.options import TrackOptions
+from track.prediction import guess_deviation
+from track.track_recording import track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
 
@@ -151,7 +153,7 @@ def test_what_is_not_known_grows_unsure_up_to_its_whole_range(arm):
     told = np.full((n, n), 1e-5) + np.eye(n) * 1e-4
     deviations = []
     for unknown_s in (0.0, 1 / 30, 0.05, 0.1, 10.0, np.inf):
-        covariance = unsure_where_unknown(arm, told, np.where(np.arange(n) == i, unknown_s, 0.0))
+        covariance = inflate_unobserved(told, guess_deviation(arm, np.where(np.arange(n) == i, unknown_s, 0.0)))
         assert (np.linalg.eigvalsh(covariance) > 0.0).all()
         np.testing.assert_array_equal(np.delete(np.diag(covariance), i), np.delete(np.diag(told), i))
         deviations.append(float(np.sqrt(covariance[i, i])))
@@ -362,7 +364,7 @@ def half_hidden(behind_an_object, limb, tmp_path_factory):
     """The motion tracked there, and its folder."""
     recording, region = behind_an_object
     folder = tmp_path_factory.mktemp("half hidden") / "motion"
-    return track_recording(recording, limb.subject, folder, region=region), folder
+    return track_recording(recording, limb.subject, folder, TrackOptions(region=region)), folder
 
 
 def test_a_motion_says_which_bones_showed(half_hidden):
@@ -381,8 +383,8 @@ def test_a_run_stopped_while_a_bone_was_hidden_goes_on_to_the_same_motion(
             raise Stopped
 
     with pytest.raises(Stopped):
-        track_recording(recording, limb.subject, tmp_path / "motion", region=region, progress=stop)
-    motion = track_recording(recording, limb.subject, tmp_path / "motion", region=region)
+        track_recording(recording, limb.subject, tmp_path / "motion", TrackOptions(region=region), progress=stop)
+    motion = track_recording(recording, limb.subject, tmp_path / "motion", TrackOptions(region=region))
     for name in ("thetas", "deviations", "shown", "residuals", "coverage", "matches"):
         np.testing.assert_array_equal(getattr(motion, name), getattr(half_hidden[0], name))
     for name in ("angles.mot", "centres.trc", "quality.csv"):

@@ -1,4 +1,4 @@
-"""One file projects points, and one decides what the sensors see."""
+"""One file projects points, one says what sensors see, one assembles normal equations, one holds uncertainty."""
 
 from __future__ import annotations
 
@@ -11,9 +11,15 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PROJECTS, SEES = "capture/projection.py", "adapt/match/visibility.py"
+ASSEMBLES, SOLVES, DOUBTS = "adapt/fit/problem.py", "adapt/fit/least_squares.py", "adapt/fit/posterior.py"
 
 # ``capture`` is not asked: it knows of no skin, only of how squarely a sensor looked at a surface that it measured.
 SEE_SKIN = ("adapt", "track", "docs/figures")
+# Planes, sensors' places (``capture``) and bones registered to bones (``evaluation``) are least squares of their own.
+FIT_LIMBS = ("adapt", "track")
+# What is known of people before anything is seen (``shape``) is no posterior.
+OTHER_PROBLEMS = ("track/evaluation/", "adapt/template_builder/", "adapt/model/shape/")
+DERIVATIVES = {"jacobian", "residual", "flat", "far", "d"}
 _LINE_OF_SIGHT = re.compile(r"sight|towards?|forward|eyes?|rays?|sensors?|world_from_sensor|world_from_eye|direction")
 
 
@@ -61,12 +67,62 @@ def compares_with_line_of_sight(node: ast.AST) -> bool:
     return any("normal" in name for name in named) and any(_LINE_OF_SIGHT.fullmatch(name) for name in named)
 
 
+def assembles(node: ast.AST) -> bool:
+    """Whether an expression multiplies derivatives with each other or with what they are derivatives of."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
+        turned = {part.attr for part in ast.walk(node.left) if isinstance(part, ast.Attribute)}
+        return bool(turned & {"T", "swapaxes", "transpose"} and names(node.left) & DERIVATIVES)
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        return False
+    derived = [bool(names(argument) & DERIVATIVES) for argument in node.args]
+    return node.func.attr in ("einsum", "matmul", "dot", "vdot") and sum(derived) > 1
+
+
+def reads_normal_matrix(node: ast.AST) -> bool:
+    """Whether an expression takes the normal matrix out of a sum of squares."""
+    return isinstance(node, ast.Attribute) and node.attr == "hessian"
+
+
+def reckons_with_covariance(node: ast.AST) -> bool:
+    """Whether an expression calculates with a covariance: adds, multiplies, takes its diagonal, a root of it."""
+    if isinstance(node, ast.BinOp):
+        return is_covariance(node.left) or is_covariance(node.right)
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        return False
+    return names(node.func) >= {"np"} and node.func.attr != "array" and any(is_covariance(a) for a in node.args)
+
+
+def is_covariance(node: ast.AST) -> bool:
+    """Whether an expression is a covariance, part of one, or its transpose."""
+    if isinstance(node, ast.Subscript) or (isinstance(node, ast.Attribute) and node.attr == "T"):
+        return is_covariance(node.value)
+    name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+    return name.startswith("covariance") or name.endswith("covariance")
+
+
+def found_in_fits(but: str, wrong: Callable[[ast.AST], bool]) -> dict[str, list[int]]:
+    """What is found in the files that fit limbs."""
+    return {path: lines for path, lines in found(FIT_LIMBS, but, wrong).items() if not path.startswith(OTHER_PROBLEMS)}
+
+
 def test_one_file_projects_points() -> None:
     assert not found(("adapt", "capture", "track", "docs/figures"), PROJECTS, projects), f"ask {PROJECTS} instead"
 
 
 def test_one_file_decides_what_the_sensors_see() -> None:
     assert not found(SEE_SKIN, SEES, compares_with_line_of_sight), f"ask {SEES} instead"
+
+
+def test_one_file_assembles_normal_equations() -> None:
+    assert not found_in_fits(ASSEMBLES, assembles), f"ask {ASSEMBLES} instead"
+
+
+def test_normal_matrices_are_read_only_where_they_are_solved_and_where_uncertainty_is() -> None:
+    assert found_in_fits(ASSEMBLES, reads_normal_matrix).keys() == {SOLVES, DOUBTS}, f"ask {ASSEMBLES} instead"
+
+
+def test_one_file_holds_uncertainty() -> None:
+    assert not found_in_fits(DOUBTS, reckons_with_covariance), f"ask {DOUBTS} instead"
 
 
 @pytest.mark.parametrize(
@@ -96,6 +152,34 @@ def test_a_comparison_with_the_line_of_sight_is_found(source: str) -> None:
     assert lines_of(source, compares_with_line_of_sight) == [1]
 
 
-def test_what_is_no_projection_and_no_line_of_sight_is_not_found() -> None:
+@pytest.mark.parametrize(
+    "source",
+    [
+        "hessian = flat.T @ flat",
+        "matrix = jacobian.T @ (weight[:, None] * jacobian)",
+        "blocks = np.matmul(np.swapaxes(skin.d, 1, 2), skin.d)",
+        'matrix = np.einsum("nik,nil->kl", jacobian, jacobian)',
+    ],
+)
+def test_an_assembly_is_found(source: str) -> None:
+    assert lines_of(source, assembles) == [1]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "wider = frame.covariance + left @ left.T",
+        "told = covariance * ~unknown",
+        "sure = np.sqrt(np.diag(adaptation.covariance))",
+        "spread = gradient @ subject.covariance[:m, :m] @ gradient",
+    ],
+)
+def test_reckoning_with_a_covariance_is_found(source: str) -> None:
+    assert lines_of(source, reckons_with_covariance) == [1]
+
+
+def test_what_only_looks_like_any_of_these_is_not_found() -> None:
+    assert not lines_of("turn = left.rotation.T @ right.rotation", assembles)
+    assert not lines_of("frame = replace(frame, covariance=np.array(entry['covariance']))", reckons_with_covariance)
     assert not lines_of("slope = (u - camera.cx) / camera.fx", projects)
     assert not lines_of("same = normals @ other_normals > 0.8", compares_with_line_of_sight)

@@ -17,7 +17,8 @@ from capture.recording import instants
 from tests.known_limb import bent, exact_cloud
 from track import first_look
 from track.motion import MotionError
-from track.run import track_recording
+from track.options import TrackOptions
+from track.track_recording import track_recording
 from track.tracker import Tracker, make_tracker
 
 _BESIDE = np.array([0.0, 0.0, -0.45])
@@ -87,7 +88,7 @@ def test_a_recording_that_does_not_show_the_subject_is_refused_after_a_few_looks
         track_recording(limb.recording, limb.subject, tmp_path / "motion")
     assert len(looks) == 7
     assert "--keep-searching" in refused.value.remedy
-    motion = track_recording(limb.recording, limb.subject, tmp_path / "motion", keep_searching=True)
+    motion = track_recording(limb.recording, limb.subject, tmp_path / "motion", TrackOptions(keep_searching=True))
     assert not motion.tracked.any()
 
 

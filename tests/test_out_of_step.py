@@ -11,7 +11,7 @@ from adapt.fit.pose import fit_pose
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from tests.known_limb import bent, exact_target
-from track.out_of_step import in_step, late_lever
+from track.out_of_step import in_step, lever_of_late
 from track.tracker import make_tracker
 
 LATE_S, STEP_S = 0.02, 0.05
@@ -54,7 +54,7 @@ def tracked_at(limb, theta, velocity, time_s, late):
     shown, covariance = np.ones(len(body.anatomy.bones), dtype=bool), 1e-6 * np.eye(len(theta))
     lost = tracker.missed(time_s, "")
     return replace(
-        lost, theta=fit.theta, covariance=covariance, shown=shown, late=late_lever(body, target, fit, sample)
+        lost, theta=fit.theta, covariance=covariance, shown=shown, late=lever_of_late(body, target, fit, sample)
     )
 
 

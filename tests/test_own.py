@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
+from adapt.adapt_to_file import adapt_into, journal_path
 from adapt.anatomy_file import load_anatomy
-from adapt.run import adapt_into, journal_path
 from adapt.subject import save_subject
 from capture.errors import OutputError
 from capture.own import PNG, arrays_of, json_of, marked_png, page_of, refuse_foreign, replaced_if_own, table_of, words
@@ -23,11 +23,11 @@ from tests.known_motion import known_motion, reported_subject
 from tests.test_cli import bonetrack, fails
 from tests.test_recording import CAMERA
 from track.batch.items import Item
-from track.batch.run import TABLE, run_batch
+from track.batch.run_batch import TABLE, run_batch
 from track.batch.work import Row
 from track.demo import _draw
 from track.poses_by_hand import write_poses
-from track.run import track_recording, write_motion_folder
+from track.track_recording import track_recording, write_motion_folder
 from track.view.render import save_png
 
 REMEDY = "move it away, or give another"
@@ -196,7 +196,7 @@ def test_a_motions_folder_with_hidden_files_of_others_is_not_touched(made: Made,
 
 
 def test_a_subject_is_adapted_again_into_its_file(limb: KnownLimb, made: Made, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr("adapt.run.adapt_recording", lambda *_, **__: limb.subject)
+    monkeypatch.setattr("adapt.adapt_to_file.adapt_recording", lambda *_, **__: limb.subject)
     out = tmp_path / "subject.npz"
     others = [tmp_path / name for name in (".subject.old.partial-1.npz", ".subject-of-mine.partial-journal")]
     for other in others:
@@ -210,7 +210,7 @@ def test_a_subject_is_adapted_again_into_its_file(limb: KnownLimb, made: Made, t
 
 
 def test_the_table_of_a_batch_is_written_again(tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr("track.batch.run.finished", lambda item, folder: Row(item.name, frames=3))
+    monkeypatch.setattr("track.batch.run_batch.finished", lambda item, folder: Row(item.name, frames=3))
     for _ in range(2):
         tmp_path.joinpath("out").mkdir(exist_ok=True)
         run_batch([Item("one", tmp_path / "one", ANATOMY)], tmp_path / "out")

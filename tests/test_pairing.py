@@ -7,6 +7,7 @@ import pytest
 
 from capture.camera import Camera
 from capture.errors import RecordingError
+from capture.provenance import sensors_in_words, sensors_used
 from capture.recording import (
     RecordingWriter,
     Sensor,
@@ -16,7 +17,6 @@ from capture.recording import (
     refuse_impossible_rates,
     used_in_words,
 )
-from capture.settings import sensors_in_words, sensors_used
 
 CAMERA = Camera(40, 30, 40.0, 40.0, 19.5, 14.5)
 

@@ -47,8 +47,8 @@ def test_a_real_arm_is_found_without_help(
     assert found.fit.residual_m < 0.006
     assert found.skin_m < 0.012
     assert found.coverage > 0.85
-    assert found.attached < 0.2
-    assert found.void < 0.15
+    assert found.merged_outline < 0.2
+    assert found.free_space < 0.15
     elbow = np.rad2deg(found.fit.theta[arm.coordinate_index("elbow_flexion")])
     assert elbow_deg[0] < elbow < elbow_deg[1]
 
@@ -78,8 +78,8 @@ def test_a_real_leg_is_found_by_its_shank_and_foot_alone(
     assert found.fit.residual_m < 0.005
     assert found.skin_m < 0.014
     assert found.coverage > 0.85
-    assert found.attached < 0.2
-    assert found.void < 0.15
+    assert found.merged_outline < 0.2
+    assert found.free_space < 0.15
     view = cloud.views[0]
     (ankle,), _ = project(view.camera, joint_centres(body, found.fit.theta)["ankle"][None])
     assert np.linalg.norm(ankle - ankle_px) < 70.0

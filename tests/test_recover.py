@@ -13,8 +13,9 @@ from tests.test_track import Stopped, same_motion, stop_after
 from track.backward_pass import anchors, go_back
 from track.cloud_change import look_of, looks_changed
 from track.motion import MotionError, load_motion
+from track.options import TrackOptions
 from track.poses_by_hand import HandPose
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracked_frame import BACKWARD, BY_HAND, FOLLOWED, FOUND, TrackerState
 from track.tracker import Tracker, make_tracker
 
@@ -147,7 +148,7 @@ def nothing_is_found(monkeypatch):
 @pytest.mark.usefixtures("nothing_is_found")
 def test_with_one_pose_set_by_hand_a_limb_that_no_search_finds_is_tracked(limb, tmp_path):
     pose = HandPose("here", 6, limb.thetas[6] + 0.02)
-    motion = track_recording(limb.recording, limb.subject, tmp_path / "motion", poses=[pose])
+    motion = track_recording(limb.recording, limb.subject, tmp_path / "motion", TrackOptions(poses=[pose]))
     assert motion.how == (BACKWARD,) * 6 + (BY_HAND,) + (FOLLOWED,) * 5
     for k in range(12):
         assert flexion_error(limb, motion.thetas[k], k) < 4.0
@@ -155,8 +156,10 @@ def test_with_one_pose_set_by_hand_a_limb_that_no_search_finds_is_tracked(limb, 
     assert load_motion(tmp_path / "motion").how == motion.how
     for done in (3, 15):  # in the middle of either direction
         with pytest.raises(Stopped):
-            track_recording(limb.recording, limb.subject, tmp_path / "again", poses=[pose], progress=stop_after(done))
-    same_motion(track_recording(limb.recording, limb.subject, tmp_path / "again", poses=[pose]), motion)
+            track_recording(
+                limb.recording, limb.subject, tmp_path / "again", TrackOptions(poses=[pose]), progress=stop_after(done)
+            )
+    same_motion(track_recording(limb.recording, limb.subject, tmp_path / "again", TrackOptions(poses=[pose])), motion)
 
 
 @pytest.mark.usefixtures("nothing_is_found")
@@ -170,13 +173,17 @@ def test_a_run_with_other_poses_set_by_hand_begins_anew(limb, tmp_path):
 
         pose = HandPose("here", frame, limb.thetas[frame] + by)
         with pytest.raises(Stopped):
-            track_recording(limb.recording, limb.subject, tmp_path / "motion", poses=[pose], progress=stop)
+            track_recording(
+                limb.recording, limb.subject, tmp_path / "motion", TrackOptions(poses=[pose]), progress=stop
+            )
         assert seen == [1]
 
 
 def test_a_pose_of_a_frame_that_is_not_there_is_refused(limb, tmp_path):
     with pytest.raises(MotionError, match=r"'here' is of frame 12; frames run from 0 to 11"):
-        track_recording(limb.recording, limb.subject, tmp_path / "m", poses=[HandPose("here", 12, limb.thetas[0])])
+        track_recording(
+            limb.recording, limb.subject, tmp_path / "m", TrackOptions(poses=[HandPose("here", 12, limb.thetas[0])])
+        )
     assert not (tmp_path / "m").exists()
 
 

@@ -8,6 +8,7 @@ from capture.cloud.background import largest_plane
 from capture.cloud.motion import gone_share
 from capture.cloud.region import automatic_region, find_region, person_points
 from capture.errors import CloudError
+from capture.provenance import region_used, sensors_in_words
 from capture.recording import (
     Calibration,
     RecordingWriter,
@@ -18,7 +19,6 @@ from capture.recording import (
     write_calibration_file,
 )
 from capture.rigid import apply, inverse
-from capture.settings import region_used, sensors_in_words
 from tests.analytic_depth import plane, quantised, sphere
 from tests.two_sensors import AXIS, HALF_LENGTH, RADIUS, limb_depth, poses, write_limb
 

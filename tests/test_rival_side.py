@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.fit.recording import adapt_recording
+from adapt.adapt_recording import adapt_recording
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import make_body, pose_skin
 from adapt.model.size import resized
+from adapt.options import AdaptOptions
 from adapt.search.rival_side import (
     TOLD,
     SideEvidence,
@@ -63,7 +64,7 @@ def test_the_wrong_side_is_refused_with_both_remedies(limb, poses_of_the_left):
     left = mirrored(limb.subject.anatomy)
     given = dict(zip(FRAMES, poses_of_the_left, strict=True))
     with pytest.raises(FitError, match="nearer to upper-limb-right") as refused:
-        adapt_recording(limb.recording, left, frames=FRAMES, first_poses=given)
+        adapt_recording(limb.recording, left, AdaptOptions(frames=FRAMES, first_poses=given))
     assert "--anatomy upper-limb-right" in refused.value.remedy
     assert "--mirrored" in refused.value.remedy
 

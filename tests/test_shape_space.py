@@ -12,7 +12,7 @@ import pytest
 from adapt.anatomy import Anatomy, Handle
 from adapt.anatomy_file import anatomy_names, load_anatomy
 from adapt.model.shape.handle_space import AffineSet, affine_set
-from adapt.model.shape.prior import bones_between_groups, shape_precision
+from adapt.model.shape.prior import bones_between_groups, shape_prior
 from tests.toy_anatomy import toy_anatomy
 
 ROOT = Path(__file__).parents[1]
@@ -103,4 +103,4 @@ def test_of_a_bone_with_three_heads_all_pairs_are_held_together() -> None:
     heads = [affine.groups.index(name) for name in ("wrist", "tips", "thumb")]
     pairs = [tuple(sorted(pair)) for pair, bone in bones_between_groups(toy, affine).items() if bone == "palm"]
     assert sorted(pairs) == sorted((i, j) for i in heads for j in heads if i < j)
-    assert np.linalg.eigvalsh(shape_precision(toy, affine)).min() > 1.0
+    assert np.linalg.eigvalsh(shape_prior(toy, affine).precision).min() > 1.0

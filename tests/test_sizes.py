@@ -67,7 +67,7 @@ def test_a_grown_up_keeps_the_pose_that_was_searched(arm, sample, monkeypatch):
     theta = bent(true, 70.0, 20.0)
     searched = try_pose(make_body(arm), exact_target(true, theta), sample, theta)
     turned = replace(searched, fit=replace(searched.fit, theta=searched.fit.theta + 1.0))
-    monkeypatch.setattr(overall_size_module, "_grown", lambda body, target, start, pose: SizedPose(start, turned))
+    monkeypatch.setattr(overall_size_module, "_grown", lambda target, start, pose, person: SizedPose(start, turned))
     found = settle_size(make_body(arm), exact_target(true, theta), lambda body, size: searched)
     np.testing.assert_array_equal(found.pose.fit.theta, searched.fit.theta)
 

@@ -23,13 +23,15 @@ from adapt.model.pose_space import advance, pose_difference
 from adapt.model.size import resized
 from adapt.subject import save_subject
 from capture.cloud.fuse import Region, region_of_interest
+from capture.journal import BEGUN_ANEW
 from capture.recording import open_recording
 from capture.rigid import exp_so3, log_so3
 from tests.known_limb import FPS, FRAMES, bent, exact_cloud, exact_target, known_subject
 from track.motion import MotionError, load_motion
+from track.options import TrackOptions
 from track.poses_by_hand import HandPose
 from track.prediction import predict
-from track.run import JOURNAL, track_recording
+from track.track_recording import JOURNAL, track_recording
 from track.tracked_frame import TrackerState
 from track.tracker import make_tracker
 
@@ -69,11 +71,11 @@ def test_a_performance_is_followed_without_loss(limb, tracked):
             assert np.linalg.norm(motion.centres[name][t] - centre) < 0.015, (t, name)
 
 
-@pytest.mark.parametrize(("attached", "lost"), [(0.6, True), (0.2, False)])
-def test_a_limb_found_anew_whose_outline_lies_on_other_surface_is_lost(limb, tracker, monkeypatch, attached, lost):
+@pytest.mark.parametrize(("merged", "lost"), [(0.6, True), (0.2, False)])
+def test_a_limb_found_anew_whose_outline_lies_on_other_surface_is_lost(limb, tracker, monkeypatch, merged, lost):
     """A person's trunk has points near all the skin of an arm laid on it: only the outline tells."""
     scored = track.tracker.score_pose
-    monkeypatch.setattr(track.tracker, "score_pose", lambda *given: replace(scored(*given), attached=attached))
+    monkeypatch.setattr(track.tracker, "score_pose", lambda *given: replace(scored(*given), merged_outline=merged))
     frame, state = tracker.first(limb.targets[0], 0.0)
     assert ("outline lies on other surface" in frame.lost) == lost
     assert np.isnan(frame.theta).all() == lost
@@ -112,7 +114,10 @@ def test_a_motion_keeps_what_it_was_tracked_with(limb, tracked, tracker, tmp_pat
     assert load_motion(folder).settings == motion.settings
     hand = HandPose("raised", 1, limb.thetas[1])
     given = track_recording(
-        limb.recording, limb.subject, tmp_path, region=wide(limb), poses=[hand], world_from_thorax=np.eye(4)
+        limb.recording,
+        limb.subject,
+        tmp_path,
+        TrackOptions(region=wide(limb), poses=[hand], world_from_thorax=np.eye(4)),
     ).settings
     assert given.options["region"] == "given"
     np.testing.assert_array_equal(given.region.maximum, wide(limb).maximum)
@@ -127,7 +132,7 @@ def test_frames_with_nothing_in_them_are_lost_and_the_next_ones_tracked(limb, tm
         for lost in (0, 4):
             blank(tmp_path / "recording" / sensor.frames[lost].path.relative_to(limb.recording.path))
     motion = track_recording(
-        open_recording(tmp_path / "recording"), limb.subject, tmp_path / "motion", region=wide(limb)
+        open_recording(tmp_path / "recording"), limb.subject, tmp_path / "motion", TrackOptions(region=wide(limb))
     )
     assert [t for t in range(FRAMES) if motion.lost[t]] == [0, 4]
     assert "no sensor saw anything" in motion.lost[4]
@@ -266,10 +271,15 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_motion(limb, tracked, tmp_pa
     with pytest.raises(Stopped):
         track_recording(limb.recording, limb.subject, tmp_path / "motion", progress=stop_after(5))
     assert {path.name for path in (tmp_path / "motion").iterdir()} == {JOURNAL}
-    seen = []
+    seen, told = [], []
     motion = track_recording(
-        limb.recording, limb.subject, tmp_path / "motion", progress=lambda done, total: seen.append(done)
+        limb.recording,
+        limb.subject,
+        tmp_path / "motion",
+        progress=lambda done, total: seen.append(done),
+        told=told.append,
     )
+    assert not told
     assert seen == list(range(6, FRAMES + 2))  # the first frame is looked at again from the second
     same_motion(motion, tracked[0])
     same_motion(load_motion(tmp_path / "motion"), tracked[0])
@@ -283,7 +293,7 @@ import sys
 from pathlib import Path
 from adapt.subject import load_subject
 from capture.recording import open_recording
-from track.run import track_recording
+from track.track_recording import track_recording
 recording, subject, out = map(Path, sys.argv[1:])
 track_recording(open_recording(recording), load_subject(subject), out)
 """
@@ -362,15 +372,16 @@ def test_a_journal_made_from_other_inputs_is_not_continued(limb, stopped, tmp_pa
         first, *others = recording.sensors
         moved = replace(first, camera=replace(first.camera, fx=first.camera.fx + 0.1))
         recording = replace(recording, sensors=(moved, *others))
-    seen = []
+    seen, told = [], []
 
     def progress(done, total):
         seen.append(done)
         raise Stopped
 
     with pytest.raises(Stopped):
-        track_recording(recording, subject, stopped, region=region, progress=progress)
+        track_recording(recording, subject, stopped, TrackOptions(region=region), progress=progress, told=told.append)
     assert seen == [1]
+    assert told == [f"{stopped / JOURNAL}: {BEGUN_ANEW}"]
 
 
 def test_a_folder_with_other_things_in_it_is_left_alone(limb, tmp_path):

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from adapt.fit.pose import fit_pose
@@ -21,6 +22,7 @@ from capture.rigid import exp_so3, log_so3
 from tests.toy_anatomy import toy_anatomy
 from track.angles import read_thorax, refuse_without_humerus, thoraco_humeral
 from track.evaluation.made_up_motions import perform_tables
+from track.export.commands import export_command
 from track.export.files import export_motion, export_subject
 from track.export.opensim_tables import write_mot, write_trc
 from track.export.osim import landmark_markers
@@ -28,9 +30,9 @@ from track.export.quality_table import write_quality
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names, load_motion, save_motion
 from track.motion_summary import print_motion
 from track.observed_bones import skin_shown
-from track.run import write_motion_folder
 from track.simulation.motion_table import read_motion_table
 from track.simulation.performance import PerformanceError
+from track.track_recording import write_motion_folder
 from track.view.charts import plot_angles
 
 LOST = 3
@@ -541,3 +543,10 @@ def test_a_subject_whose_unseen_bones_are_none_of_its_anatomy_is_refused(tmp_pat
     save_subject(replace(was, report=report), tmp_path / "subject.npz")
     with pytest.raises(AnatomyError, match="not a subject file"):
         load_subject(tmp_path / "subject.npz")
+
+
+@pytest.mark.parametrize("more", [[], ["--subject", "nobody.npz"]])
+def test_a_recording_is_not_exported_as_if_it_were_a_motion(limb, tmp_path, more):
+    result = CliRunner().invoke(export_command, [str(limb.recording.path), "--out", str(tmp_path / "out"), *more])
+    assert "is a recording, not a motion; make one with `bonetrack track`" in str(result.exception)
+    assert not (tmp_path / "out").exists()

@@ -11,14 +11,15 @@ import pytest
 from adapt.anatomy import Floats
 from adapt.fit import alternate
 from adapt.fit.alternate import adapt_body
-from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, PATCH_M2, levenberg_marquardt
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseEnergy, PoseFit, fit_pose
 from adapt.fit.posterior import body_covariance, pose_covariance, pose_sensitivity, unseen_noise
+from adapt.fit.problem import CERTAINTY_PLANE_WEIGHT, PATCH_M2
 from adapt.match.correspondences import Correspondences
 from adapt.match.skin_sample import SkinSample, sample_skin
 from adapt.model.body import Body, make_body, pose_skin
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.prior import shape_prior
 from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from tests.known_limb import bent
@@ -90,7 +91,7 @@ def test_a_bodys_covariance_is_positive_and_smaller_than_what_was_known_before(l
     m = len(body.shape)
     np.testing.assert_array_equal(covariance, covariance.T)
     assert (np.linalg.eigvalsh(covariance) > 0.0).all()
-    before = np.linalg.inv(shape_precision(body.anatomy, body.affine))
+    before = np.linalg.inv(shape_prior(body.anatomy, body.affine).precision)
     assert np.diag(covariance)[:m].sum() < 0.5 * np.diag(before).sum()
     assert (np.diag(covariance)[m:] <= 1.0 + 1e-9).all()
     assert np.diag(covariance)[m:].min() < 0.4

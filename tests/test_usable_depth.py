@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy
-from adapt.fit.recording import adapt_recording
 from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.recording import Recording, RecordingWriter, Sensor, open_recording, refuse_useless_depth

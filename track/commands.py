@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from capture.commands.region_options import near_option, region_near, region_option
-from capture.console import stdout
+from capture.console import stdout, tell
 from track.motion_summary import print_motion
 
 _PATH = click.Path(path_type=Path)
@@ -27,6 +27,14 @@ _PATH = click.Path(path_type=Path)
 @region_option
 @near_option
 @click.option("--keep-searching", is_flag=True, help="Go on where none of a few frames looked at shows the subject.")
+@click.option(
+    "--threshold",
+    nargs=2,
+    type=(str, float),
+    multiple=True,
+    metavar="NAME VALUE",
+    help="Another value of what decides, under the name that the report has for it.",
+)
 def track_command(
     recording: Path,
     subject: Path,
@@ -37,6 +45,7 @@ def track_command(
     region: tuple[float, ...] | None,
     near: tuple[float, ...] | None,
     keep_searching: bool,
+    threshold: tuple[tuple[str, float], ...],
 ) -> None:
     """Track SUBJECT through RECORDING; a run that was cut short goes on where it stopped."""
     from rich.progress import Progress
@@ -45,26 +54,31 @@ def track_command(
     from capture.recording import instants, open_recording
     from track.angles import read_thorax
     from track.belonging import adapted_elsewhere
+    from track.options import TrackOptions
     from track.poses_by_hand import read_poses
-    from track.run import track_recording
+    from track.thresholds import thresholds_of
+    from track.track_recording import track_recording
 
     opened = open_recording(recording)
     person = load_subject(subject, anatomy=anatomy)
     if elsewhere := adapted_elsewhere(person, opened):
         stdout.print(elsewhere, highlight=False)
-    frame = read_thorax(thorax) if thorax else None
-    by_hand = read_poses(poses, person.anatomy, frames=len(instants(opened))) if poses else ()
+    options = TrackOptions(
+        region=region_near(opened, region, near),
+        poses=read_poses(poses, person.anatomy, frames=len(instants(opened))) if poses else (),
+        world_from_thorax=read_thorax(thorax) if thorax else None,
+        keep_searching=keep_searching,
+        thresholds=thresholds_of(threshold),
+    )
     with Progress(console=stdout, transient=True) as bar:
         task = bar.add_task("tracking", total=None)
         motion = track_recording(
             opened,
             person,
             out,
-            region=region_near(opened, region, near),
-            poses=by_hand,
-            world_from_thorax=frame,
-            keep_searching=keep_searching,
+            options,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
+            told=tell,
         )
     print_motion(motion, person)
     stdout.print(f"motion written to {out}")

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_to_file import adapt_into
 from adapt.anatomy_file import load_anatomy
 from adapt.commands import print_subject
-from adapt.run import adapt_into
 from adapt.subject import MARK, Subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.cloud.fuse import fuse
-from capture.console import stdout
+from capture.console import stdout, tell
 from capture.errors import RecordingError
 from capture.own import PNG, refuse_any_foreign, refuse_foreign
 from capture.recording import Recording, instants, open_recording
@@ -27,7 +27,7 @@ from track.accuracy.errors import evaluate_motion, write_evaluation
 from track.accuracy.truth import read_truth
 from track.motion import Motion
 from track.motion_summary import print_motion
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.view.charts import plot_angles
 from track.view.pictures import picture_fit
 
@@ -50,11 +50,15 @@ def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
         write_calibration(recording, calibrate_recording(recording))
         recording = open_recording(recording.path)
     with _step("adapting the anatomy") as note:
-        subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note)
+        subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note, told=tell)
     print_subject(subject, out / "subject.npz")
     with _step("tracking") as note:
         motion = track_recording(
-            recording, subject, out / "motion", progress=lambda done, total: note(f"tracking: {done} of {total} frames")
+            recording,
+            subject,
+            out / "motion",
+            progress=lambda done, total: note(f"tracking: {done} of {total} frames"),
+            told=tell,
         )
     print_motion(motion, subject)
     with _step("comparing with the truth"):

@@ -10,15 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import GaussianPose, fit_pose
+from adapt.fit.problem import SEARCH_PLANE_WEIGHT
 from adapt.match.correspondences import Target
 from adapt.search.first_pose import variations
 from adapt.search.pose_score import ScoredPose, score_pose
 from capture.cloud.fuse import Region, region_of_interest
 from capture.errors import CloudError, FitError
 from capture.recording import Instant, Recording
-from track.run import ready_target
+from track.track_recording import ready_target
 from track.tracked_frame import TrackedFrame
 from track.tracker import Tracker
 
@@ -66,4 +66,4 @@ def _reached(tracker: Tracker, target: Target, theta: Floats) -> ScoredPose | No
         except FitError:
             continue
         reached.append(score_pose(body, target, fit, tracker.sample))
-    return min(reached, key=lambda pose: pose.badness_m, default=None)
+    return min(reached, key=lambda pose: pose.cost_m, default=None)

@@ -20,6 +20,7 @@ from adapt.subject import Subject
 from capture.errors import BonetrackError
 from capture.files import UNREADABLE, read_arrays, unreadable
 from capture.own import arrays_of, replaced_if_own
+from capture.recording.types import HEADER_FILE
 from track.observed_bones import Bools, centres_known
 from track.settings import Settings
 
@@ -27,6 +28,7 @@ FORMAT = "bonetrack-motion"
 MARK = arrays_of(FORMAT)
 VERSION = 2  # 2: which bones show
 TRACKED = ""
+_TRACK = "make one with `bonetrack track`"
 
 
 class MotionError(BonetrackError):
@@ -114,6 +116,12 @@ def save_motion(motion: Motion, folder: Path) -> None:
         np.savez_compressed(partial, allow_pickle=False, **arrays)
 
 
+def refuse_recording(folder: Path) -> None:
+    """Raise MotionError where a recording's folder is named in the place of a motion's."""
+    if (folder / HEADER_FILE).is_file() and not (folder / "motion.npz").is_file():
+        raise MotionError("is a recording, not a motion", where=folder, remedy=_TRACK)
+
+
 def load_motion(folder: Path) -> Motion:
     """Read a motion folder (or its ``motion.npz``).
 
@@ -124,7 +132,8 @@ def load_motion(folder: Path) -> Motion:
     """
     path = folder / "motion.npz" if folder.is_dir() else folder
     if not path.is_file():
-        raise MotionError("no motion here", where=folder, remedy="make one with `bonetrack track`")
+        refuse_recording(folder)
+        raise MotionError("no motion here", where=folder, remedy=_TRACK)
     try:
         arrays = read_arrays(path, _KNOWN)
         description = json.loads(str(arrays.pop("description")))

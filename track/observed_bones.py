@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats, Joint
-from adapt.fit.judge import shows
+from adapt.fit.judge import FOLLOWED, Bounds, shows
 from adapt.model.body import Body
 from adapt.model.joints import JOINT_TYPES
 from adapt.search.pose_score import FoundPart
@@ -21,13 +21,13 @@ from adapt.search.pose_score import FoundPart
 Bools = NDArray[np.bool_]
 
 
-def bones_shown(anatomy: Anatomy, skin: Mapping[str, FoundPart]) -> Bools:
+def bones_shown(anatomy: Anatomy, skin: Mapping[str, FoundPart], bounds: Bounds = FOLLOWED) -> Bools:
     """Which bones (B,) show, given how the skin of those that have any is found.
 
     A bone without skin of its own (a kneecap) is placed by a coordinate that it shares: it shows when its parent shows
     and so does the other bone that moves by that coordinate.
     """
-    own = {name: shows(part) for name, part in skin.items()}
+    own = {name: shows(part, bounds) for name, part in skin.items()}
     return np.array([own[b.name] if b.name in own else _placed(anatomy, b.name, own) for b in anatomy.bones])
 
 

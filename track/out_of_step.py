@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, data_term
+from adapt.anatomy import Anatomy, Floats
 from adapt.fit.pose import PoseFit
+from adapt.fit.posterior import inflate_by_lever, late_lever
 from adapt.match.correspondences import Correspondences, Target
+from adapt.match.point_grid import PointGrid
 from adapt.match.skin_sample import SkinSample
-from adapt.model.body import Body, pose_skin_varying
+from adapt.model.body import Body
 from adapt.model.pose_space import advance, pose_difference
 
 if TYPE_CHECKING:
@@ -34,25 +35,18 @@ _UNKNOWN = {"rad": 2.0, "m": 0.5}  # standard deviation of a velocity that nothi
 _UNSURE = 0.25  # of a velocity between neighbours, that between the frames may differ
 
 
-def late_lever(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> Floats:
+def lever_of_late(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> Floats:
     """The lever (n, n) (s) of a pose fitted to the target; (0, 0) if all sensors looked at once."""
     late = [view.late_s for view, _, _ in target.parts]
     if max(map(abs, late), default=0.0) < IN_STEP_S:
         return np.zeros((0, 0))
-    n, matches = len(fit.theta), fit.matches
-    skin = pose_skin_varying(body, fit.theta, vertices=matches.vertex)
-    weights = sample.observations[matches.vertex]
-    whole, moved = 1e-6 * np.eye(n), np.zeros((n, n))
-    for (_, _, grid), late_s in zip(target.parts, late, strict=True):
-        mine: Ints = np.flatnonzero(np.isfinite(grid.query(matches.target, distance_upper_bound=1e-9)[0]))
-        of_sensor = skin.at(mine)
-        part = data_term(of_sensor, _some(matches, mine), weights[mine], plane_weight=CERTAINTY_PLANE_WEIGHT).hessian
-        whole, moved = whole + part, moved + late_s * part
-    return np.asarray(np.linalg.solve(whole, moved))
+    sensors = [(late_s, _seen_by(grid, fit.matches)) for (_, _, grid), late_s in zip(target.parts, late, strict=True)]
+    return late_lever(body, fit.theta, sensors, sample)
 
 
-def _some(matches: Correspondences, kept: Ints) -> Correspondences:
-    return Correspondences(matches.vertex[kept], matches.target[kept], matches.normal[kept], matches.distance[kept])
+def _seen_by(grid: PointGrid, matches: Correspondences) -> Correspondences:
+    """Those of the matches whose targets are a sensor's."""
+    return matches.at(np.flatnonzero(np.isfinite(grid.query(matches.target, distance_upper_bound=1e-9)[0])))
 
 
 def in_step(anatomy: Anatomy, frames: Sequence[TrackedFrame]) -> list[TrackedFrame]:
@@ -63,9 +57,8 @@ def in_step(anatomy: Anatomy, frames: Sequence[TrackedFrame]) -> list[TrackedFra
 def _in_step(anatomy: Anatomy, frames: Sequence[TrackedFrame], k: int) -> TrackedFrame:
     frame = frames[k]
     velocity, deviation = _velocity(anatomy, frames, k)
-    left = frame.late * deviation
     theta = advance(anatomy, frame.theta, -frame.late @ velocity)
-    return replace(frame, theta=theta, covariance=frame.covariance + left @ left.T)
+    return replace(frame, theta=theta, covariance=inflate_by_lever(frame.covariance, frame.late, deviation))
 
 
 def _velocity(anatomy: Anatomy, frames: Sequence[TrackedFrame], k: int) -> tuple[Floats, Floats]:

@@ -56,20 +56,16 @@ def _spread(anatomy: Anatomy, dt: Floats) -> Floats:
     return np.asarray(spread + np.where(rotational, _FLOOR_RAD, _FLOOR_M))
 
 
-def unsure_where_unknown(anatomy: Anatomy, covariance: Floats, unknown_s: Floats) -> Floats:
-    """The covariance (n, n) of a pose whose coordinates have not been known for so long (n,) s; 0 where they are.
+def guess_deviation(anatomy: Anatomy, unknown_s: Floats) -> Floats:
+    """Standard deviation (n,) in rad or m of coordinates that have not been known for so long (n,) s; 0 where they are.
 
     What is not known spreads as in ``predict``, up to the standard deviation of any place of its range being as likely.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> anatomy = load_anatomy("upper-limb-right")
     >>> elbow, n = anatomy.coordinate_index("elbow_flexion"), len(anatomy.coordinates)
-    >>> spread = [np.sqrt(unsure_where_unknown(anatomy, np.eye(n) * 1e-4, np.full(n, s))[elbow, elbow]) for s in (0, 9)]
-    >>> np.rad2deg(spread).round(1).tolist()  # known, and unknown for nine seconds
-    [0.6, 37.5]
+    >>> np.rad2deg([guess_deviation(anatomy, np.full(n, s))[elbow] for s in (0, 9)]).round(1).tolist()  # known, and not
+    [0.0, 37.5]
     """
     anywhere = np.array([(c.high - c.low) / np.sqrt(12.0) for c in anatomy.coordinates])
-    guess = np.minimum(_spread(anatomy, unknown_s), anywhere)
-    unknown = unknown_s > 0.0
-    told = covariance * ~(unknown[:, None] | unknown)
-    return np.asarray(told + np.diag(np.where(unknown, guess, 0.0) ** 2))
+    return np.where(unknown_s > 0.0, np.minimum(_spread(anatomy, unknown_s), anywhere), 0.0)

@@ -8,17 +8,16 @@ and its standard deviation grows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit import judge
 from adapt.fit.follow import follow_pose
 from adapt.fit.judge import LEAST_IN_SIGHT, judge_fit, shows
 from adapt.fit.never_seen import skin_of, without
 from adapt.fit.pose import GaussianPose, PoseFit, fit_pose
-from adapt.fit.posterior import pose_covariance
+from adapt.fit.posterior import inflate_unobserved, pose_covariance
 from adapt.fit.unobserved import towards_rest
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin
@@ -31,23 +30,15 @@ from adapt.subject import Subject, as_adapted
 from capture.errors import FitError
 from track.cloud_change import look_of, looks_changed
 from track.observed_bones import bones_shown, coordinates_known, coordinates_seen
-from track.out_of_step import late_lever
-from track.prediction import predict, unsure_where_unknown
+from track.out_of_step import lever_of_late
+from track.prediction import guess_deviation, predict
+from track.thresholds import USUAL, Thresholds
 from track.tracked_frame import BY_HAND, FORGOTTEN_S, FOUND, TrackedFrame, TrackerState, lost_frame
 
-SAMPLED_VERTICES = 2000
-LEAST_BONES = 2  # with skin, that must show in a frame without a past; one alone may be anything
-MOST_ATTACHED = 0.4  # share of the outline beyond which the same surface goes on, in a frame without a past
-FRESH_RESIDUAL_M = 0.002  # always good enough for a pose found anew, and the most where its root bone does not show
 _WORSE_THAN_ADAPTED = 3.0  # found anew on something else (a board), the skin fits worse than the person's by more
 _USUAL_M = 0.001  # matched skin of an adapted subject from its clouds, where its file does not say
 _CLEARLY_WORSE = 1.2  # from a likely start, skin that is farther from the cloud than as adapted by more is searched
 _STILL_RAD, _MOST_FITS = np.deg2rad(0.5), 5  # a pose found anew is fitted until it stays
-_PAST_S = 0.15  # what is found when the last pose is older than this is found anew
-_COMPARED_S = 0.2  # after which what was taken up from a pose forgotten by then is compared with what a search finds
-_BACK_S = 1.0  # time in which a joint that nothing tells of has gone most of the way back to rest
-_LONGEST_WAIT_S = 8.0  # between searches for bones out of sight, or for a limb in a cloud that stays as it was
-_BY_HAND_RAD, _BY_HAND_M = np.deg2rad(5.0), 0.015  # how sure a pose is that a person set
 
 
 @dataclass(frozen=True)
@@ -62,27 +53,15 @@ class Tracker:
     sample: SkinSample = field(repr=False)
     usual_m: float
     good_m: float
+    thresholds: Thresholds = USUAL
 
-    def thresholds(self) -> dict[str, float]:
+    def decided_by(self) -> dict[str, float]:
         """What decides whether a frame is tracked, a bone shows, and a limb is searched; m, s, rad, shares, counts."""
-        return {
-            "sampled_vertices": SAMPLED_VERTICES,
-            "largest_residual_m": judge.FOLLOWED.residual_m,
+        return asdict(self.thresholds) | {
             "largest_residual_found_anew_m": self.usual_m,
             "largest_skin_to_cloud_unsearched_m": self.good_m,
-            "largest_residual_without_root_m": FRESH_RESIDUAL_M,
             "least_skin_in_sight": LEAST_IN_SIGHT,
-            "least_coverage": judge.FOLLOWED.coverage,
-            "largest_skin_to_cloud_m": judge.FOLLOWED.skin_m,
-            "least_bones_found_anew": LEAST_BONES,
-            "most_outline_on_other_surface": MOST_ATTACHED,
-            "found_anew_after_s": _PAST_S,
             "searched_after_s": FORGOTTEN_S,
-            "compared_after_s": _COMPARED_S,
-            "longest_wait_for_search_s": _LONGEST_WAIT_S,
-            "back_to_rest_s": _BACK_S,
-            "sd_by_hand_rad": float(_BY_HAND_RAD),
-            "sd_by_hand_m": _BY_HAND_M,
         }
 
     def first(self, target: Target, time_s: float) -> tuple[TrackedFrame, TrackerState | None]:
@@ -94,12 +73,12 @@ class Tracker:
             fit = _settled(body, target, start.fit.theta, self.sample)
         except FitError as error:
             return lost_frame(self.subject.anatomy, time_s, error.problem), None
-        attached = score_pose(body, target, fit, self.sample).attached
-        if attached > MOST_ATTACHED:
-            reason = f"{100 * attached:.0f} % of the limb's outline lies on other surface"
+        merged = score_pose(body, target, fit, self.sample).merged_outline
+        if merged > self.thresholds.most_outline_on_other_surface:
+            reason = f"{100 * merged:.0f} % of the limb's outline lies on other surface"
             return lost_frame(self.subject.anatomy, time_s, reason), None
         never = np.full(len(fit.theta), -np.inf)
-        frame, known_s = self._judge(fit, target, time_s, never, least=LEAST_BONES)
+        frame, known_s = self._judge(fit, target, time_s, never, least=self.thresholds.least_bones_found_anew)
         frame = self._doubted(frame)
         if frame.lost:
             return frame, None
@@ -117,7 +96,8 @@ class Tracker:
     ) -> tuple[TrackedFrame, TrackerState]:
         """Track a frame from a pose (n,) that a person set for it; the past counts only if that does not fit."""
         anatomy = self.subject.anatomy
-        deviation = np.array([_BY_HAND_RAD if c.unit == "rad" else _BY_HAND_M for c in anatomy.coordinates])
+        sd = {"rad": self.thresholds.sd_by_hand_rad, "m": self.thresholds.sd_by_hand_m}
+        deviation = np.array([sd[coordinate.unit] for coordinate in anatomy.coordinates])
         prior = GaussianPose(theta, np.diag(1.0 / deviation**2))
         try:
             fit = fit_pose(self.subject.body, target, theta, self.sample, prior=prior)
@@ -145,21 +125,24 @@ class Tracker:
             look = look_of(target.cloud)
             if lost_for_s > state.wait_s or looks_changed(look, state.look):
                 frame, found = self.first(target, time_s)
-                wait_s = min(2.0 * state.wait_s, _LONGEST_WAIT_S)
-                return frame, found or replace(state, searched_s=time_s, wait_s=wait_s, look=look)
+                return frame, found or replace(state, searched_s=time_s, wait_s=self._longer(state), look=look)
         if not np.isfinite(state.time_s):
             return self.missed(time_s, "not found yet"), state
         frame, after = self._continue(target, time_s, state)
         if frame.lost or not searching:
             return frame, after
-        if time_s - after.taken_up_s > _COMPARED_S:
+        if time_s - after.taken_up_s > self.thresholds.compared_after_s:
             return self._compared(frame, replace(after, taken_up_s=np.inf), target)
         if not _search_is_due(after):
             return frame, after
         anew, found = self.first(target, time_s)
         if found is not None and anew.shown.sum() > frame.shown.sum():
             return anew, found
-        return frame, replace(after, searched_s=time_s, wait_s=min(2.0 * after.wait_s, _LONGEST_WAIT_S))
+        return frame, replace(after, searched_s=time_s, wait_s=self._longer(after))
+
+    def _longer(self, state: TrackerState) -> float:
+        """How long (s) to wait until the next search, after one in vain."""
+        return min(2.0 * state.wait_s, self.thresholds.longest_wait_for_search_s)
 
     def _compared(self, frame: TrackedFrame, state: TrackerState, target: Target) -> tuple[TrackedFrame, TrackerState]:
         """A tracked frame, or what a search finds in its stead where that explains the cloud clearly better."""
@@ -168,21 +151,22 @@ class Tracker:
         if found is None:
             return frame, state
         was, now = (try_pose(self.subject.body, target, self.sample, theta) for theta in (frame.theta, anew.theta))
-        if now is None or (was is not None and was.badness_m < now.badness_m + CLEARLY_M):
+        if now is None or (was is not None and was.cost_m < now.cost_m + CLEARLY_M):
             return frame, state
         return anew, found
 
     def _continue(self, target: Target, time_s: float, state: TrackerState) -> tuple[TrackedFrame, TrackerState]:
         anatomy = self.subject.anatomy
         prior = predict(anatomy, state, time_s)
-        kept = float(np.exp(-(time_s - state.time_s) / _BACK_S))  # a motion prior alone would let what is untold drift
+        # A motion prior alone would let what is untold drift.
+        kept = float(np.exp(-(time_s - state.time_s) / self.thresholds.back_to_rest_s))
         mean = towards_rest(self.subject.body, prior.mean, state.theta, state.shown, kept)
         try:
             fit = follow_pose(self.subject.body, target, replace(prior, mean=mean), self.sample)
         except FitError as error:
             return lost_frame(anatomy, time_s, error.problem), state
         frame, known_s = self._judge(fit, target, time_s, state.known_s, least=1)
-        if time_s - state.time_s > _PAST_S:
+        if time_s - state.time_s > self.thresholds.found_anew_after_s:
             frame = self._doubted(frame)
         if frame.lost:
             return frame, state
@@ -199,7 +183,8 @@ class Tracker:
         """
         anatomy = self.subject.anatomy
         root = next(k for k, bone in enumerate(anatomy.bones) if bone.name == root_joint(anatomy).child)
-        if frame.lost or frame.residual_m <= (self.usual_m if frame.shown[root] else FRESH_RESIDUAL_M):
+        most_m = self.usual_m if frame.shown[root] else self.thresholds.largest_residual_without_root_m
+        if frame.lost or frame.residual_m <= most_m:
             return frame
         reason = f"skin and cloud are {1e3 * frame.residual_m:.1f} mm apart, too far for a pose found anew"
         return lost_frame(anatomy, frame.time_s, reason)
@@ -213,19 +198,24 @@ class Tracker:
     ) -> tuple[TrackedFrame, Floats]:
         """The frame that a fit makes, lost if fewer bones with skin show, and when each coordinate was last known."""
         anatomy = self.subject.anatomy
-        judged = judge_fit(self.subject.body, target, fit, self.sample, judge.FOLLOWED)
+        bounds = self.thresholds.followed
+        judged = judge_fit(self.subject.body, target, fit, self.sample, bounds)
         found = judged.found
-        shown = bones_shown(anatomy, found.bones) & ~np.isin([b.name for b in anatomy.bones], self.subject.never_seen)
-        too_few = sum(shows(part) for part in found.bones.values()) < min(least, len(found.bones))
+        unknown = np.isin([bone.name for bone in anatomy.bones], self.subject.never_seen)
+        shown = bones_shown(anatomy, found.bones, bounds) & ~unknown
+        too_few = sum(shows(part, bounds) for part in found.bones.values()) < min(least, len(found.bones))
         lost = judged.reason or ("too few bones show" if too_few else "")
         if lost:
             shown[:] = False
         known_s = np.where(coordinates_known(anatomy, shown[None])[0], time_s, known_s)
         theta = np.full_like(fit.theta, np.nan) if lost else fit.theta
-        covariance = unsure_where_unknown(anatomy, pose_covariance(self.subject, fit, self.sample), time_s - known_s)
+        guessed = guess_deviation(anatomy, time_s - known_s)
+        covariance = inflate_unobserved(pose_covariance(self.subject, fit, self.sample), guessed)
         quality = (fit.residual_m, found.whole.skin_m, found.whole.coverage, len(fit.matches))
         frame = TrackedFrame(time_s, theta, covariance, shown, *quality, lost)
-        return frame if lost else replace(frame, late=late_lever(self.subject.body, target, fit, self.sample)), known_s
+        return frame if lost else replace(
+            frame, late=lever_of_late(self.subject.body, target, fit, self.sample)
+        ), known_s
 
 
 def _search_is_due(state: TrackerState) -> bool:
@@ -234,15 +224,18 @@ def _search_is_due(state: TrackerState) -> bool:
     return unknown_s > FORGOTTEN_S and state.time_s - state.searched_s > state.wait_s
 
 
-def make_tracker(subject: Subject) -> Tracker:
+def make_tracker(subject: Subject, thresholds: Thresholds = USUAL) -> Tracker:
     """Prepare a subject for tracking."""
-    sample = sample_skin(subject.anatomy, at_most=SAMPLED_VERTICES)
+    sample = sample_skin(subject.anatomy, at_most=thresholds.sampled_vertices)
     matched, skin = (as_adapted(subject, name) for name in ("median_distance_mm", "skin_to_cloud_mm"))
     return Tracker(
         subject,
         without(sample, skin_of(subject.body, subject.never_seen)),
-        usual_m=max(_WORSE_THAN_ADAPTED * (_USUAL_M if matched is None else matched), FRESH_RESIDUAL_M),
+        usual_m=max(
+            _WORSE_THAN_ADAPTED * (_USUAL_M if matched is None else matched), thresholds.largest_residual_without_root_m
+        ),
         good_m=GOOD_M if skin is None else min(_CLEARLY_WORSE * skin, GOOD_M),
+        thresholds=thresholds,
     )
 
 

@@ -13,16 +13,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import LEAST_M, patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose, match_pose
 from adapt.fit.posterior import body_covariance, unseen_noise
+from adapt.fit.problem import SIGMA_M
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import Factor, fit_skin
 from adapt.match.correspondences import Correspondences, Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body
+from adapt.model.shape.population import ANYBODY, Person
 
 _OUTER_ROUNDS = 3
 _SKIN_UPDATES = 3
@@ -62,6 +63,7 @@ def adapt_body(
     unseen: Sequence[tuple[Target, Floats]] = (),
     gone: Bools | None = None,
     by_proportions_m: float = 0.0,
+    person: Person = ANYBODY,
     progress: Progress = lambda _: None,
 ) -> Adaptation:
     """Adapt ``body`` to K clouds from first poses ``thetas`` (K, n).
@@ -69,7 +71,8 @@ def adapt_body(
     ``unseen`` are further clouds with poses near theirs (n,): not adapted to, they tell how much to believe the others.
     Skin (V,) that is ``gone`` takes no part (see ``adapt.fit.never_seen``). ``by_proportions_m`` is how far patches of
     skin are from the clouds when proportions alone are fitted: what skin has to take up beyond the noise (clothes,
-    tissue like nobody's) is not noise afterwards, but the bones under it are no surer for that.
+    tissue like nobody's) is not noise afterwards, but the bones under it are no surer for that. ``person``
+    is what is said of whose body it is.
 
     Raises:
         FitError: a pose finds too few correspondences.
@@ -80,7 +83,7 @@ def adapt_body(
     unseen_noise_m = None
     for outer in range(outer_rounds):
         progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
-        fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m))
+        fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m), person=person)
         body, thetas = fitted.body, fitted.thetas
         if not optimise_skin:
             continue  # what the skin alone could explain would pass for noise
@@ -96,7 +99,7 @@ def adapt_body(
         unseen_noise_m = unseen_noise(body, unseen, gone)
         noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
     beyond_m = float(np.sqrt(max(0.0, by_proportions_m**2 - LEAST_M**2)))
-    covariance = body_covariance(body, fits, noise_m=float(np.hypot(noise_m, _TOGETHER * beyond_m)))
+    covariance = body_covariance(body, fits, noise_m=float(np.hypot(noise_m, _TOGETHER * beyond_m)), person=person)
     return Adaptation(body, fits, covariance, own_noise_m, unseen_noise_m)
 
 

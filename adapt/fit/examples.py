@@ -19,14 +19,17 @@ from adapt.fit.pose import PoseFit
 from adapt.fit.posterior import shape_information
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.population import ANYBODY, Person
+from adapt.model.shape.prior import shape_prior
 
 _AROUND_LANDMARK_M = 0.05
 _MATTERS = 0.5  # fit weight of the skin nearest to a landmark from which on it is worth a pose of its own
 _SHOWN = 0.25  # a landmark shows when this share of the skin around it has a target
 
 
-def choose_examples(body: Body, fits: Sequence[PoseFit], sample: SkinSample, count: int) -> list[int]:
+def choose_examples(
+    body: Body, fits: Sequence[PoseFit], sample: SkinSample, count: int, person: Person = ANYBODY
+) -> list[int]:
     """Indices of the ``count`` poses that together show the landmarks and tell the most about the shape.
 
     Greedy: while a pose is left that shows landmarks which those before it did not, the one that shows most of them;
@@ -34,7 +37,7 @@ def choose_examples(body: Body, fits: Sequence[PoseFit], sample: SkinSample, cou
     """
     informations = [shape_information(body, fit, sample) for fit in fits]
     shows = _shows(body, fits, sample)
-    known, hidden = shape_precision(body.anatomy, body.affine), _matter(body.anatomy)
+    known, hidden = shape_prior(body.anatomy, body.affine, person).precision, _matter(body.anatomy)
     chosen: list[int] = []
     while len(chosen) < min(count, len(fits)):
         rest = [k for k in range(len(fits)) if k not in chosen]

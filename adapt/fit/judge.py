@@ -74,13 +74,13 @@ def fits(part: FoundPart, bounds: Bounds = FOLLOWED) -> bool:
     return part.coverage >= bounds.coverage and part.skin_m <= bounds.skin_m
 
 
-def shows(part: FoundPart) -> bool:
+def shows(part: FoundPart, bounds: Bounds = FOLLOWED) -> bool:
     """Whether some skin shows: enough of it is in sight, and that fits.
 
     >>> shows(FoundPart(in_sight=0.4, skin_m=0.005, coverage=0.8)), shows(FoundPart(0.05, 0.005, 0.8))
     (True, False)
     """
-    return part.in_sight >= LEAST_IN_SIGHT and fits(part)
+    return part.in_sight >= LEAST_IN_SIGHT and fits(part, bounds)
 
 
 def unexplained_share(body: Body, target: Target, theta: Floats) -> float:

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.least_squares import PATCH_M2, SIGMA_M
+from adapt.fit.problem import PATCH_M2, SIGMA_M
 from adapt.match.correspondences import Correspondences
 from adapt.match.skin_sample import SkinSample
 

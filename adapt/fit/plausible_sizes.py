@@ -1,10 +1,10 @@
 """Whether anybody has bones of such a size: a body that came out otherwise is no person's, however well it fits.
 
-Lengths of grown-ups are those of ANSUR II (US Army 2012, 4,082 men and 1,986 women; public): means and standard
-deviations between landmarks on the skin, computed from its table of persons. Children of six are taken to be grown-ups
-on a smaller scale: their stature is 115.1 cm with a deviation of 5.1 cm (WHO growth reference 2007, height for age at
-72 months, girls: M 115.1244 cm, S 0.04447; boys are 0.8 cm taller and vary less), and their limbs are as much shorter
-again as their stature is lower by its share of leg, stature less sitting height: 0.477 in men (ANSUR II), 0.45 at six.
+Lengths of grown-ups are those of ANSUR II (``adapt.model.shape.population``), between landmarks on the skin. Children
+of six are taken to be grown-ups on a smaller scale: their stature is 115.1 cm with a deviation of 5.1 cm (WHO growth
+reference 2007, height for age at 72 months, girls: M 115.1244 cm, S 0.04447; boys are 0.8 cm taller and vary less),
+and their limbs are as much shorter again as their stature is lower by its share of leg, stature less sitting height:
+0.477 in men (ANSUR II), 0.45 at six.
 
 Assumptions go with that: 0.45 lies between two surveys of which only tables at second hand were at hand (0.446 in
 Snyder and others 1977, 0.459 in Fredriks and others 2005); an arm is shorter by the share that a leg is; the template's
@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from adapt.model.body import Body
+from adapt.model.shape.population import BONE_MEASURES, of_men_and_women
 from adapt.model.shape.prior import bones_between_groups
 from capture.errors import FitError
 
@@ -41,42 +42,10 @@ _REMEDY = (
 )
 
 
-@dataclass(frozen=True)
-class _Measure:
-    """A length (mm) in women and men, mean and deviation."""
-
-    woman: float
-    woman_sd: float
-    man: float
-    man_sd: float
-
-    def largest(self) -> float:
-        """What 99.9 % of men stay below, against the average man."""
-        return (self.man + _DEVIATIONS * self.man_sd) / self.man
-
-    def smallest(self) -> float:
-        """What 99.9 % of children of six, and of grown women, exceed, against the average man."""
-        return min(_CHILD, (self.woman - _DEVIATIONS * self.woman_sd) / self.man)
-
-
-_UPPER_ARM = _Measure(311.2, 17.2, 335.2, 17.5)  # acromion to radiale
-_FOREARM = _Measure(241.3, 15.2, 267.9, 15.4)  # radiale to stylion
-_HAND = _Measure(181.1, 10.1, 193.3, 10.0)
-_THIGH = _Measure(407.6, 23.9, 432.7, 27.6)  # trochanterion to tibiale, of each person
-_SHANK = _Measure(375.0, 23.5, 395.3, 24.5)  # tibiale to lateral malleolus, of each person
-_FOOT = _Measure(246.3, 12.4, 271.2, 13.1)
-_PELVIS = _Measure(273.3, 22.3, 275.4, 17.5)  # between the iliac crests
-_STATURE = _Measure(1628.5, 64.2, 1756.2, 68.6)  # of bones that have no measure of their own
-_MEASURES = {
-    "humerus": _UPPER_ARM,
-    "ulna": _FOREARM,
-    "radius": _FOREARM,
-    "hand": _HAND,
-    "pelvis": _PELVIS,
-    "femur": _THIGH,
-    "tibia": _SHANK,
-    "foot": _FOOT,
-}
+def _plausible(measure: str) -> tuple[float, float]:
+    """What 99.9 % exceed, of children of six and of grown women, and what 99.9 % of men stay below: of men's mean."""
+    (man, woman), (man_sd, woman_sd) = of_men_and_women(measure)
+    return min(_CHILD, woman / man * np.exp(-_DEVIATIONS * woman_sd)), float(np.exp(_DEVIATIONS * man_sd))
 
 
 @dataclass(frozen=True)
@@ -102,9 +71,8 @@ def bone_lengths(body: Body) -> list[BoneLength]:
     lengths = []
     for (first, last), bone in bones_between_groups(body.anatomy, body.affine).items():
         length, usual = (float(np.linalg.norm(points[last] - points[first])) for points in (heads, template))
-        measure = _MEASURES.get(bone, _STATURE)
-        least, largest = measure.smallest() / _ALLOWED, measure.largest() * _ALLOWED
-        lengths.append(BoneLength(bone, length, usual, least * usual, largest * usual))
+        least, largest = _plausible(BONE_MEASURES.get(bone, "stature"))
+        lengths.append(BoneLength(bone, length, usual, least * usual / _ALLOWED, largest * usual * _ALLOWED))
     return lengths
 
 
@@ -127,7 +95,7 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
     for one, other in pairwise(bones):
         ratio = (one.length_m / one.template_m) / (other.length_m / other.template_m)
         allowed = _PELVIS_AND_THIGH if "pelvis" in (one.bone, other.bone) else _NEIGHBOURS
-        if max(ratio, 1.0 / ratio) > allowed and {one.bone, other.bone} <= _MEASURES.keys():
+        if max(ratio, 1.0 / ratio) > allowed and {one.bone, other.bone} <= BONE_MEASURES.keys():
             usual = one.template_m / other.template_m
             raise FitError(
                 f"the {one.bone} came out {_mm(one.length_m)} mm long and the {other.bone} {_mm(other.length_m)} mm, "

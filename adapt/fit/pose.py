@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import PLANE_WEIGHT, Quadratic, data_energy, data_term, gaussian_term, levenberg_marquardt
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.priors import range_term
+from adapt.fit.problem import PLANE_WEIGHT, Quadratic, data_energy, data_term, gaussian_term
 from adapt.match.correspondences import GATE_M, Correspondences, Target, find_corres
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, pose_skin, pose_skin_varying

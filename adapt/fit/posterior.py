@@ -1,4 +1,4 @@
-"""What is known once the data are in: covariances of an adapted body and of a tracked pose, and what a pose tells.
+"""How sure things are once the data are in: all covariances are made, widened and read here.
 
 At the best fit, x = [shape (m), tissue (q), theta_1, ..., theta_K] has the covariance H^-1, H being the normal matrix
 of algorithm 2 with its priors.
@@ -9,6 +9,9 @@ of algorithm 2 with its priors.
   of neighbouring vertices err alike, so it is the spread of patches' mean distances that counts (``noise``). And an
   error db of the body b makes the best pose err by -H_tt^-1 H_tb db: the *lever*. This part hardly changes from frame
   to frame, and no longer recording makes it smaller.
+- What the data leave open comes on top: coordinates that no bone in sight tells (``inflate_unobserved``), and what else
+  is not known and moves the pose by a lever of its own (``inflate_by_lever``), as the velocity does where sensors did
+  not look at once (``late_lever``).
 
 When the skin slides along the cloud, the nearest points slide with it: that they lie near says next to nothing of where
 along the surface a vertex is. So the planes alone count here (CERTAINTY_PLANE_WEIGHT), other than in fitting.
@@ -26,27 +29,40 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import CERTAINTY_PLANE_WEIGHT, SIGMA_M, data_term
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseFit, fit_pose
-from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
+from adapt.fit.problem import (
+    CERTAINTY_PLANE_WEIGHT,
+    SIGMA_M,
+    Arrow,
+    Unknowns,
+    data_term,
+    lever,
+    marginal_covariance,
+    schur_complement,
+)
+from adapt.fit.shape import ShapeEnergy, split_tissue
 from adapt.match.correspondences import Correspondences, Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body, pose_skin_varying
+from adapt.model.derivatives import Points
 from adapt.model.handles import local_scale
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.errors import FitError
 
 _SAMPLED_VERTICES = 2000
+_UNTOLD = 1e-6  # of what a pose is told on average, it is taken to be told of everything
 _ENOUGH = 400  # matches spread over the limb: with twice as many, deviations differ by 1 to 2 %
 
 
-def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> Floats:
+def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float, person: Person = ANYBODY) -> Floats:
     """Covariance (m + q, m + q) of the shape and the tissue's coefficients of a body that was adapted to K clouds.
 
-    ``fits`` are its poses there; ``noise_m`` is the standard deviation of a patch's distance from the cloud.
+    ``fits`` are its poses there; ``noise_m`` is the standard deviation of a patch's distance from the cloud;
+    ``person`` is what is said of whose body it is.
     """
     anatomy = body.anatomy
     fine, c = split_tissue(body, tissue_field(anatomy))
@@ -54,9 +70,22 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float) -> F
     x = np.concatenate([body.shape, c, *(fit.theta for fit in fits)])
     sample = trusted(weighted_by_tissue(sample_skin(anatomy), anatomy), noise_m)
     matches = [fit.matches for fit in fits]
-    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT)
-    covariance = np.linalg.inv(energy.quadratic(x).hessian)[: of.m + of.q, : of.m + of.q]
+    energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT, person)
+    covariance = marginal_covariance(energy.quadratic(x).hessian, of.body)
     return np.asarray(0.5 * (covariance + covariance.T))
+
+
+def with_other_prior(covariance: Floats, known: Floats, other: Floats) -> Floats:
+    """The covariance (n, n) that the same data would have left with another prior's precision than the ``known`` one's.
+
+    Both precisions (m, m) are those of the first m unknowns.
+
+    >>> with_other_prior(np.array([[0.25]]), np.array([[3.0]]), np.array([[1.0]])).tolist()  # the data's are 1
+    [[0.5]]
+    """
+    m, information = len(known), np.linalg.inv(covariance)
+    information[:m, :m] += other - known
+    return np.asarray(np.linalg.inv(information))
 
 
 def unseen_noise(body: Body, unseen: Sequence[tuple[Target, Floats]], gone: Bools | None = None) -> float | None:
@@ -81,8 +110,8 @@ def shape_information(body: Body, fit: PoseFit, sample: SkinSample) -> Floats:
     skin = pose_skin_varying(body, fit.theta, with_shape=True, vertices=fit.matches.vertex)
     hessian = data_term(skin, fit.matches, sample.observations[fit.matches.vertex]).hessian
     n = len(fit.theta)
-    pose = hessian[:n, :n] + 1e-6 * np.trace(hessian[:n, :n]) / n * np.eye(n)
-    return np.asarray(hessian[n:, n:] - hessian[n:, :n] @ np.linalg.solve(pose, hessian[:n, n:]))
+    hessian[:n, :n] += _UNTOLD * np.diag(hessian)[:n].mean() * np.eye(n)
+    return schur_complement(hessian, slice(0, n))
 
 
 @dataclass(frozen=True)
@@ -108,20 +137,70 @@ def pose_sensitivity(body: Body, fit: PoseFit, sample: SkinSample, *, with_tissu
     The soft tissue's columns take the posed skin's normals for the direction in which a vertex moves with its tissue.
     """
     n, step = len(fit.theta), max(1, len(fit.matches) // _ENOUGH)
-    matches = _every(step, fit.matches)
+    matches = fit.matches.at(slice(None, None, step))
     index, weights = matches.vertex, step * sample.observations[matches.vertex]
+    modes = tissue_field(body.anatomy).modes[index] if with_tissue else np.zeros((len(index), 0))
     skin = pose_skin_varying(body, fit.theta, with_shape=True, vertices=index)
-    hessian = data_term(skin, matches, weights, plane_weight=CERTAINTY_PLANE_WEIGHT).hessian
-    cross = hessian[:n, n:]
-    if with_tissue:
-        along = np.matmul(matches.normal[:, None, :], skin.d[:, :, :n])[:, 0]
-        grown = weights * local_scale(body.anatomy.skin_handle_weights[index], body.a) / SIGMA_M**2
-        cross = np.hstack([cross, (grown[:, None] * along).T @ tissue_field(body.anatomy).modes[index]])
-    by_noise: Floats = np.asarray(np.linalg.inv(hessian[:n, :n] + 1e-6 * np.eye(n)), dtype=np.float64)
-    return PoseSensitivity(by_noise, -by_noise @ cross)
+    grown = local_scale(body.anatomy.skin_handle_weights[index], body.a)[:, None] * matches.normal
+    skin = Points(skin.value, np.concatenate([skin.d, grown[:, :, None]], axis=2))
+    arrow = Arrow(Unknowns(len(body.shape), modes.shape[1], n), 1, modes)
+    arrow.add_matches(0, np.arange(len(index)), skin, matches, weights, plane_weight=CERTAINTY_PLANE_WEIGHT)
+    curvature, cross = arrow.of_pose(0)
+    return PoseSensitivity(lever(curvature, np.eye(n)), -lever(curvature, cross))
 
 
-def _every(step: int, matches: Correspondences) -> Correspondences:
-    """Each ``step``-th of the matches."""
-    some = slice(None, None, step)
-    return Correspondences(matches.vertex[some], matches.target[some], matches.normal[some], matches.distance[some])
+def late_lever(
+    body: Body, theta: Floats, sensors: Sequence[tuple[float, Correspondences]], sample: SkinSample
+) -> Floats:
+    """How far (n, n) (s) a pose (n,) is ahead of its instant, by velocity, from what each sensor matched and its delay.
+
+    L = H^-1 sum over sensors of delay (s) times H_sensor, H being the sum of H_sensor: the curvature by its points.
+    """
+    n = len(theta)
+    whole, moved = np.zeros((n, n)), np.zeros((n, n))
+    for late_s, matches in sensors:
+        skin = pose_skin_varying(body, theta, vertices=matches.vertex)
+        weights = sample.observations[matches.vertex]
+        part = data_term(skin, matches, weights, plane_weight=CERTAINTY_PLANE_WEIGHT).hessian
+        whole, moved = whole + part, moved + late_s * part
+    return lever(whole, moved)
+
+
+def inflate_unobserved(covariance: Floats, guess: Floats) -> Floats:
+    """The covariance (n, n) where some coordinates are guesses with standard deviations (n,), 0 for those that are not.
+
+    >>> inflate_unobserved(np.full((2, 2), 1e-4), np.array([0.0, 0.5])).tolist()
+    [[0.0001, 0.0], [0.0, 0.25]]
+    """
+    unknown = guess > 0.0
+    told = covariance * ~(unknown[:, None] | unknown)
+    return np.asarray(told + np.diag(guess**2))
+
+
+def inflate_by_lever(covariance: Floats, by: Floats, deviation: Floats) -> Floats:
+    """The covariance (n, n) once independent unknowns of standard deviations (k,) move things by the lever (n, k), too.
+
+    >>> inflate_by_lever(np.eye(1), np.array([[2.0, 1.0]]), np.array([1.0, 3.0])).tolist()
+    [[14.0]]
+    """
+    moved = by * deviation
+    return np.asarray(covariance + moved @ moved.T)
+
+
+def deviations(covariance: Floats) -> Floats:
+    """Standard deviations (..., n) of covariances (..., n, n).
+
+    >>> deviations(np.diag([4.0, 9.0])).tolist()
+    [2.0, 3.0]
+    """
+    return np.asarray(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)))
+
+
+def deviation_along(covariance: Floats, gradient: Floats) -> float:
+    """Standard deviation of a number that changes with the first k of some unknowns by its gradient (k,).
+
+    >>> deviation_along(np.diag([4.0, 9.0, 1.0]), np.array([1.0, 0.0]))
+    2.0
+    """
+    k = len(gradient)
+    return float(np.sqrt(np.maximum(gradient @ covariance[:k, :k] @ gradient, 0.0)))

@@ -1,11 +1,16 @@
-"""What is known of a pose before the data: the ranges of joints. Of a body's shape: ``adapt.model.shape.prior``."""
+"""What is known of a pose before the data: the joint ranges. Of a body's shape: ``adapt.model.shape.prior``.
+
+The rule is ``range_term``. The numbers are ``low`` and ``high`` of an anatomy's coordinates; those of the templates
+stand with their sources in ``adapt/template_builder/upper_limb.py`` and ``lower_limb.py``, and as a table in
+docs/coordinates.md.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.least_squares import Quadratic
+from adapt.fit.problem import Quadratic
 
 RANGE_SIGMA_RAD = np.deg2rad(2.0)  # how softly a joint's range ends
 

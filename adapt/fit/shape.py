@@ -9,29 +9,32 @@ forearm look alike in one pose; alternating between them creeps. Algorithm 3 add
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.fit.least_squares import (
-    PLANE_WEIGHT,
-    Quadratic,
-    data_energy,
-    gaussian_term,
-    levenberg_marquardt,
-    weighted,
-)
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.pose import match_pose, next_gate
 from adapt.fit.priors import range_term
+from adapt.fit.problem import (
+    PLANE_WEIGHT,
+    Arrow,
+    Quadratic,
+    Term,
+    Unknowns,
+    data_energy,
+    effective_parameters,
+    gaussian_term,
+)
 from adapt.match.correspondences import GATE_M, Correspondences, Target
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin, shaped_skin
 from adapt.model.pose_space import wrap
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.population import ANYBODY, Person
+from adapt.model.shape.prior import ShapePrior, shape_prior
 from adapt.tissue import TissueField, tissue_field
-from capture.compiled import compiled_sums
 
 _LEAST_KNOWN = 1.0  # curvature by a pose: what no skin in sight tells is known to 1 rad or 1 m
 _STILL = 2e-4  # rad, m, and the scales' 1: what moves less between two updates has converged
@@ -39,34 +42,14 @@ _STILL = 2e-4  # rad, m, and the scales' 1: what moves less between two updates 
 
 @dataclass(frozen=True)
 class ShapeFit:
-    """A body and its K poses (K, n) after algorithm 2, with the covariance (m, m) of the shape.
+    """A body and its K poses (K, n) after algorithm 2.
 
     ``parameters`` is the effective number of parameters: those that the data decided, not the priors.
     """
 
     body: Body
     thetas: Floats
-    covariance: Floats = field(repr=False)
     parameters: float
-
-
-@dataclass(frozen=True)
-class Unknowns:
-    """x = [shape (m), tissue (q), theta_1 (n), ..., theta_K (n)]."""
-
-    m: int
-    q: int
-    n: int
-
-    @property
-    def tissue(self) -> slice:
-        """Where the tissue's coefficients stand in x."""
-        return slice(self.m, self.m + self.q)
-
-    def pose(self, k: int) -> slice:
-        """Where the k-th pose stands in x."""
-        start = self.m + self.q + self.n * k
-        return slice(start, start + self.n)
 
 
 def fit_shape(
@@ -75,11 +58,14 @@ def fit_shape(
     thetas: Floats,
     sample: SkinSample,
     *,
+    person: Person = ANYBODY,
     updates: int = 8,
     steps: int = 3,
     gate_m: float = GATE_M,
 ) -> ShapeFit:
     """Fit shape, coarse soft tissue and poses together, from ``body`` and ``thetas`` (K, n), to K clouds.
+
+    ``person`` is what is said of whose they are.
 
     Raises:
         FitError: a pose finds too few correspondences.
@@ -92,19 +78,17 @@ def fit_shape(
     for _ in range(updates):
         matches = [match_pose(body, target, x[of.pose(k)], sample, gate_m=gates[k]) for k, target in enumerate(targets)]
         gates = [next_gate(match, gate_m) for match in matches]
-        energy = ShapeEnergy(body, fine, matches, sample, of)
+        energy = ShapeEnergy(body, fine, matches, sample, of, person=person)
         before = x
         x = levenberg_marquardt(energy.quadratic, before, steps=steps, energy=energy.value)
         for k in range(len(targets)):
             x[of.pose(k)] = wrap(anatomy, x[of.pose(k)])
         body = energy.at(x)
         moved = np.abs(x - before)
-        if np.delete(moved, np.arange(of.m, of.m + of.q)).max() < _STILL:
+        if np.delete(moved, of.tissue).max() < _STILL:
             break
-    covariance = np.asarray(np.linalg.inv(energy.quadratic(x).hessian), dtype=np.float64)
-    shape = covariance[: of.m, : of.m]
-    held = np.trace(shape @ shape_precision(anatomy, body.affine)) + np.trace(covariance[of.tissue, of.tissue])
-    return ShapeFit(body, x[of.m + of.q :].reshape(len(targets), of.n), shape, len(x) - float(held))
+    decided = effective_parameters(energy.quadratic(x), energy.expected(x))
+    return ShapeFit(body, x[of.body.stop :].reshape(len(targets), of.n), decided)
 
 
 def split_tissue(body: Body, tissue: TissueField) -> tuple[Floats, Floats]:
@@ -126,6 +110,12 @@ class ShapeEnergy:
     sample: SkinSample
     of: Unknowns
     plane_weight: float = PLANE_WEIGHT
+    person: Person = ANYBODY
+
+    @cached_property
+    def prior(self) -> ShapePrior:
+        """What is known of the body's proportions beforehand."""
+        return shape_prior(self.body.anatomy, self.body.affine, self.person)
 
     @cached_property
     def seen(self) -> Ints:
@@ -134,8 +124,8 @@ class ShapeEnergy:
 
     @cached_property
     def modes(self) -> Floats:
-        """The tissue's modes (U, q) at these vertices."""
-        return tissue_field(self.body.anatomy).modes[self.seen]
+        """The tissue's modes (U, q) at these vertices, each mode in one piece: so products of them are the fastest."""
+        return np.asfortranarray(tissue_field(self.body.anatomy).modes[self.seen])
 
     @cached_property
     def rows(self) -> list[Ints]:
@@ -143,42 +133,22 @@ class ShapeEnergy:
         return [np.searchsorted(self.seen, match.vertex) for match in self.matches]
 
     def quadratic(self, x: Floats) -> Quadratic:
-        """The energy with its gradient and its arrow-shaped normal matrix.
-
-        A vertex moves with the tissue along one direction only, so the tissue's columns are never written out: what
-        that direction shares with each of the others, vertex by vertex, is multiplied by the modes in the end.
-        """
-        of, gradient, hessian = self.of, np.zeros(len(x)), np.zeros((len(x), len(x)))
-        shape, thickness = self._expected(x), x[of.tissue]
-        energy = shape.energy + 0.5 * float(thickness @ thickness)
-        gradient[: of.m], hessian[: of.m, : of.m] = shape.gradient, shape.hessian
-        gradient[of.tissue], hessian[of.tissue, of.tissue] = thickness, np.eye(of.q)
-        skin = shaped_skin(self.at(x), self.seen, along=tissue_field(self.body.anatomy).normals[self.seen])
-        others = np.delete(np.arange(len(x)), of.tissue)
-        shares = np.zeros((len(self.seen), len(others) + 2))  # then with itself, and with how far the skin is off
+        """The energy with its gradient and its arrow-shaped normal matrix."""
+        of, anatomy = self.of, self.body.anatomy
+        arrow = Arrow(of, len(self.matches), self.modes)
+        arrow.add(*self.expected(x))
+        skin = shaped_skin(self.at(x), self.seen, along=tissue_field(anatomy).normals[self.seen])
         for k, (match, rows) in enumerate(zip(self.matches, self.rows, strict=True)):
             weights, pose = self.sample.observations[match.vertex], of.pose(k)
-            jacobian, far = weighted(skin.posed(x[pose], rows), match, weights, plane_weight=self.plane_weight)
-            limits, index = range_term(self.body.anatomy, x[pose]), np.r_[pose, 0 : of.m]
-            energy += 0.5 * float(np.vdot(far, far)) + limits.energy
-            flat = jacobian.reshape(far.size, jacobian.shape[2])
-            gradient[index] += (flat.T @ far.ravel())[:-1]
-            hessian[np.ix_(index, index)] += (flat.T @ flat)[:-1, :-1]
-            gradient[pose] += limits.gradient
-            hessian[pose, pose] += limits.hessian + _LEAST_KNOWN * np.eye(of.n)
-            _add_shares(shares, rows, jacobian, far, of.m + k * of.n, of.n)
-        cross = self.modes.T @ shares
-        gradient[of.tissue] += cross[:, -1]
-        hessian[np.ix_(np.arange(of.m, of.m + of.q), others)] = cross[:, :-2]
-        hessian[np.ix_(others, np.arange(of.m, of.m + of.q))] = cross[:, :-2].T
-        rooted = np.sqrt(shares[:, -2])[:, None] * self.modes
-        hessian[of.tissue, of.tissue] += rooted.T @ rooted  # a product with itself costs half of one with another
-        return Quadratic(energy, gradient, hessian)
+            posed = skin.posed(x[pose], rows)
+            arrow.add_matches(k, rows, posed, match, weights, plane_weight=self.plane_weight)
+            arrow.add(Term(pose, range_term(anatomy, x[pose])), Term(pose, self._hardly_told))
+        return arrow.quadratic()
 
     def value(self, x: Floats) -> float:
         """The energy alone."""
         of, moved = self.of, self.at(x)
-        energy = self._expected(x).energy + 0.5 * float(x[of.tissue] @ x[of.tissue])
+        energy = sum(term.quadratic.energy for term in self.expected(x))
         for k, match in enumerate(self.matches):
             skin = pose_skin(moved, x[of.pose(k)], vertices=match.vertex)
             weights = self.sample.observations[match.vertex]
@@ -186,9 +156,20 @@ class ShapeEnergy:
             energy += range_term(moved.anatomy, x[of.pose(k)]).energy
         return energy
 
+    def expected(self, x: Floats) -> tuple[Term, Term]:
+        """What is known beforehand of shape and tissue."""
+        of = self.of
+        shape = gaussian_term(x[of.shape], self.prior.mean, self.prior.precision)
+        return Term(of.shape, shape), Term(of.tissue, gaussian_term(x[of.tissue], np.zeros(of.q), np.eye(of.q)))
+
+    @cached_property
+    def _hardly_told(self) -> Quadratic:
+        """Keeps the normal matrix regular where no skin in sight tells of a pose; it pulls nowhere."""
+        return Quadratic(0.0, np.zeros(self.of.n), _LEAST_KNOWN * np.eye(self.of.n))
+
     def at(self, x: Floats) -> Body:
         """The body at x. A trial step may leave the model's domain: then the nearest valid one."""
-        return self._bodies(x[: self.of.m + self.of.q].tobytes())
+        return self._bodies(x[self.of.body].tobytes())
 
     @cached_property
     def _bodies(self) -> Callable[[bytes], Body]:
@@ -198,30 +179,7 @@ class ShapeEnergy:
         def body(of: bytes) -> Body:
             x, anatomy = np.frombuffer(of), self.body.anatomy
             grown = tissue_field(anatomy).displacement(x[self.of.tissue])
-            shape = self.body.affine.nearest_possible(x[: self.of.m])
+            shape = self.body.affine.nearest_possible(x[self.of.shape])
             return make_body(anatomy, shape=shape, v_hat=self.fine + grown)
 
         return body
-
-    def _expected(self, x: Floats) -> Quadratic:
-        affine = self.body.affine
-        return gaussian_term(x[: self.of.m], affine.identity, shape_precision(self.body.anatomy, affine))
-
-
-@compiled_sums
-def _add_shares(shares: Floats, rows: Ints, jacobian: Floats, far: Floats, first: int, n: int) -> None:
-    """Adds what the last column of J (M, 3, n + m + 1), the tissue's direction, shares with all columns and with r.
-
-    ``shares`` (U, m + K n + 2) has the shape's columns, the poses' (this one's from the ``first`` on), the direction's
-    own, and that of r (M, 3).
-    """
-    own, m = jacobian.shape[2] - 1, jacobian.shape[2] - 1 - n
-    for i in range(len(rows)):
-        here, share = jacobian[i], shares[rows[i]]
-        x, y, z = here[0, own], here[1, own], here[2, own]
-        for k in range(n):
-            share[first + k] = x * here[0, k] + y * here[1, k] + z * here[2, k]
-        for k in range(m):
-            share[k] += x * here[0, n + k] + y * here[1, n + k] + z * here[2, n + k]
-        share[len(share) - 2] += x * x + y * y + z * z
-        share[len(share) - 1] += x * far[i, 0] + y * far[i, 1] + z * far[i, 2]

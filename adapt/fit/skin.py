@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.fit.least_squares import PLANE_WEIGHT, SIGMA_M
+from adapt.fit.problem import data_blocks
 from adapt.match.correspondences import Correspondences
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, make_body, pose_skin_by_v_hat
@@ -100,11 +100,9 @@ def _data_blocks(
     for theta, match in zip(thetas, matches, strict=True):
         i = match.vertex
         skin = pose_skin_by_v_hat(body, theta, vertices=i)
-        weight = sample.observations[i] / ((PLANE_WEIGHT + 1.0) * SIGMA_M**2)
-        metric = PLANE_WEIGHT * match.normal[:, :, None] * match.normal[:, None, :] + np.eye(3)
-        pulled = np.matmul(np.swapaxes(skin.d, 1, 2), weight[:, None, None] * metric)
-        blocks[i] += np.matmul(pulled, skin.d)
-        pull[i] += np.matmul(pulled, (skin.value - match.target)[:, :, None])[:, :, 0]
+        block, gradient = data_blocks(skin, match, sample.observations[i])
+        blocks[i] += block
+        pull[i] += gradient
     return blocks, pull
 
 

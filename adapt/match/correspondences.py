@@ -36,6 +36,10 @@ class Correspondences:
     def __len__(self) -> int:
         return len(self.vertex)
 
+    def at(self, chosen: Ints | slice) -> Correspondences:
+        """Some of the matches."""
+        return Correspondences(self.vertex[chosen], self.target[chosen], self.normal[chosen], self.distance[chosen])
+
 
 @dataclass(frozen=True)
 class Target:

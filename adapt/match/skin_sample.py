@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.least_squares import PATCH_M2, SIGMA_M
+from adapt.fit.problem import PATCH_M2, SIGMA_M
 from adapt.model.compiled.normals import fill_normals
 from adapt.model.surface import incidence, vertex_areas
 from adapt.tissue import tissue_field

@@ -13,12 +13,12 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.model.compiled.chain import Chain
-from adapt.model.compiled.prepared import prepare_chain, prepare_skin, prepare_varying_skin
-from adapt.model.compiled.shaped_skin import Varying, pose_varying_rows
-from adapt.model.compiled.skin import BoundSkin, pose_rows
+from adapt.model.compiled.layout import BoundSkin, Varying
+from adapt.model.compiled.prepared import prepare_chain, prepare_skin
+from adapt.model.compiled.skin import pose_rows
 from adapt.model.deformers import bind, bone_shares
 from adapt.model.deformers.deformer_type import Bound
-from adapt.model.derivatives import Motion, Points, constant_points, still_points
+from adapt.model.derivatives import Motion, Points, constant_points, mere_points, still_points
 from adapt.model.frames import frame_from_landmarks, landmark_mean
 from adapt.model.handles import d_deform_d_shape, deform, deform_varying, handle_positions, local_scale
 from adapt.model.kinematics import bone_motions
@@ -85,22 +85,26 @@ class Body:
         return rides
 
     @cached_property
-    def prepared(self) -> tuple[Chain, BoundSkin, Ints]:
-        """The same for the compiled loops, with the joints, and the rows (V,) of the whole skin."""
-        skin = prepare_skin(self.anatomy, self.bound_skin)
-        return prepare_chain(self.anatomy, constant_points(self.p.value, 0)), skin, np.arange(len(self.v_hat))
+    def everything(self) -> Ints:
+        """The rows (V,) of the whole skin."""
+        return np.arange(len(self.v_hat))
 
     @cached_property
-    def shaped(self) -> ShapedSkin:
+    def prepared(self) -> PreparedSkin:
+        """The whole skin as it varies with the pose."""
+        return _prepared(self, self.everything, mere_points(self.rest_skin), mere_points(self.p.value))
+
+    @cached_property
+    def shaped(self) -> PreparedSkin:
         """The whole skin as it varies with pose and shape."""
-        return shaped_skin(self, np.arange(len(self.v_hat)))
+        return shaped_skin(self, self.everything)
 
     @cached_property
-    def grown(self) -> ShapedSkin:
+    def grown(self) -> PreparedSkin:
         """The whole skin as it varies with pose and each vertex's own template vertex."""
         scale = local_scale(self.anatomy.skin_handle_weights, self.a)
         skin, p = Points(self.rest_skin, scale[:, None, None] * np.eye(3)), constant_points(self.p.value, 3)
-        return _prepared_varying(self, np.arange(len(self.v_hat)), skin, p)
+        return _prepared(self, self.everything, skin, p)
 
     @cached_property
     def rest_bones(self) -> dict[str, Floats]:
@@ -110,20 +114,25 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedSkin:
-    """Some vertices of a body's skin, prepared for pose after pose with derivatives by the body's parameters, too."""
+class PreparedSkin:
+    """Some vertices of a body's skin, prepared for pose after pose; they may vary with the body's parameters, too."""
 
     chain: Chain = field(repr=False)
     skin: BoundSkin = field(repr=False)
     varying: Varying = field(repr=False)
 
-    def posed(self, theta: Floats, rows: Ints) -> Points:
-        """Posed skin of some ``rows`` of the vertices, with its derivative by theta, then by the parameters."""
+    def placed(self, theta: Floats, rows: Ints) -> Floats:
+        """Posed skin (M, 3) m of some ``rows`` of the vertices."""
         pose = np.asarray(theta, dtype=np.float64)
-        return Points(*pose_varying_rows(self.chain, self.skin, self.varying, pose, rows))
+        return pose_rows(self.chain, self.skin, self.varying, pose, rows, varying=False)[0]
+
+    def posed(self, theta: Floats, rows: Ints) -> Points:
+        """The same with its derivative by theta, then by the parameters."""
+        pose = np.asarray(theta, dtype=np.float64)
+        return Points(*pose_rows(self.chain, self.skin, self.varying, pose, rows, varying=True))
 
 
-def shaped_skin(body: Body, vertices: Ints, *, along: Floats | None = None) -> ShapedSkin:
+def shaped_skin(body: Body, vertices: Ints, *, along: Floats | None = None) -> PreparedSkin:
     """Some ``vertices`` (N,) of a body's skin as they vary with the shape.
 
     ``along`` (N, 3) are directions: one more parameter is how far each vertex's OWN template vertex v_hat_i moves along
@@ -134,14 +143,13 @@ def shaped_skin(body: Body, vertices: Ints, *, along: Floats | None = None) -> S
         own = local_scale(body.anatomy.skin_handle_weights[vertices], body.a)[:, None] * along
         skin = Points(skin.value, np.concatenate([skin.d, own[:, :, None]], axis=2))
         p = Points(p.value, np.concatenate([p.d, np.zeros((len(p.value), 3, 1))], axis=2))
-    return _prepared_varying(body, vertices, skin, p)
+    return _prepared(body, vertices, skin, p)
 
 
-def _prepared_varying(body: Body, vertices: Ints, skin: Points, p: Points) -> ShapedSkin:
+def _prepared(body: Body, vertices: Ints, skin: Points, p: Points) -> PreparedSkin:
     """Rest skin of some vertices and landmarks, which vary with the same parameters."""
     anatomy = body.anatomy
-    skin_and_how = prepare_varying_skin(anatomy, p, skin, anatomy.deformer_weights[vertices])
-    return ShapedSkin(prepare_chain(anatomy, p), *skin_and_how)
+    return PreparedSkin(prepare_chain(anatomy, p), *prepare_skin(anatomy, p, skin, anatomy.deformer_weights[vertices]))
 
 
 def make_body(anatomy: Anatomy, *, shape: Floats | None = None, v_hat: Floats | None = None) -> Body:
@@ -182,18 +190,13 @@ def rest_theta(body: Body) -> Floats:
 
 def pose_skin(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Floats:
     """Posed skin v (V, 3) in metres, or only some ``vertices`` of it."""
-    chain, skin, everything = body.prepared
-    rows = everything if vertices is None else vertices
-    return pose_rows(chain, skin, np.asarray(theta, dtype=np.float64), rows, varying=False)[0]
+    return body.prepared.placed(theta, body.everything if vertices is None else vertices)
 
 
 def pose_skin_varying(body: Body, theta: Floats, *, with_shape: bool = False, vertices: Ints | None = None) -> Points:
     """Posed skin with its derivative by theta (first columns) and, if asked, by the shape (next columns)."""
-    chain, skin, everything = body.prepared
-    rows = everything if vertices is None else vertices
-    if with_shape:
-        return body.shaped.posed(theta, rows)
-    return Points(*pose_rows(chain, skin, np.asarray(theta, dtype=np.float64), rows, varying=True))
+    prepared = body.shaped if with_shape else body.prepared
+    return prepared.posed(theta, body.everything if vertices is None else vertices)
 
 
 def pose_skin_by_v_hat(body: Body, theta: Floats, *, vertices: Ints | None = None) -> Points:
@@ -201,7 +204,7 @@ def pose_skin_by_v_hat(body: Body, theta: Floats, *, vertices: Ints | None = Non
 
     A vertex does not depend on any other vertex of v_hat.
     """
-    posed = body.grown.posed(theta, np.arange(len(body.v_hat)) if vertices is None else vertices)
+    posed = body.grown.posed(theta, body.everything if vertices is None else vertices)
     return Points(posed.value, posed.d[:, :, len(theta) :])
 
 

@@ -151,3 +151,24 @@ def move(motion: Motion, points: Points) -> Points:
     if not points.still:
         d += np.matmul(motion.rotation, points.d)
     return Points(turned + motion.translation, d)
+
+
+def reach_along(frame: Motion, axis: Floats, points: Points) -> Floats:
+    """How far (N,) points lie from a frame's origin along an axis (3,), times its length.
+
+    >>> origin = Motion(np.eye(3), np.array([0.0, 0.1, 0.0]), np.zeros((3, 0)), np.zeros((3, 0)))
+    >>> reach_along(origin, np.array([0.0, 2.0, 0.0]), still_points(np.ones((1, 3)))).tolist()
+    [1.8]
+    """
+    return np.asarray((points.value - frame.translation) @ axis)
+
+
+def d_reach_along(frame: Motion, axis: Floats, d_axis: Floats, points: Points) -> Floats:
+    """The derivative (N, n) of ``reach_along``; the axis varies by (3, n).
+
+    >>> origin = Motion(np.eye(3), np.zeros(3), np.zeros((3, 1)), np.eye(3)[:, 1:2])  # it moves along y
+    >>> d_reach_along(origin, np.array([0.0, 2.0, 0.0]), np.zeros((3, 1)), still_points(np.ones((1, 3)))).tolist()
+    [[-2.0]]
+    """
+    by_points = np.einsum("j,njk->nk", axis, points.d) - axis @ frame.d_translation
+    return np.asarray(by_points + (points.value - frame.translation) @ d_axis)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from adapt.anatomy import Anatomy
 from adapt.model.body import Body, make_body
+from adapt.model.shape.population import MEN_M, Person
 
 
 def resized(body: Body, size: float) -> Body:
@@ -19,3 +21,16 @@ def resized(body: Body, size: float) -> Body:
     [0.081, 0.066, 0.053]
     """
     return make_body(body.anatomy, shape=body.affine.resized(body.shape, size), v_hat=body.v_hat)
+
+
+def expected_body(anatomy: Anatomy, person: Person) -> Body:
+    """The template as large as the person is said to be; as it is where no height is stated.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arm = load_anatomy("upper-limb-right")
+    >>> small, usual = expected_body(arm, Person(height_m=1.40)), expected_body(arm, Person(sex="female"))
+    >>> small.affine.scales(small.shape).round(2).tolist(), usual.affine.scales(usual.shape).tolist()
+    ([0.8, 0.8, 0.8, 0.8], [1.0, 1.0, 1.0, 1.0])
+    """
+    body = make_body(anatomy)
+    return body if person.height_m is None else resized(body, person.height_m / MEN_M)

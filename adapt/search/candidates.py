@@ -5,7 +5,7 @@ A few frames are searched; from the one that fits best, poses are carried to its
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -19,11 +19,13 @@ from adapt.fit.shape import fit_shape
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body
+from adapt.model.shape.population import ANYBODY, Person
+from adapt.options import AdaptOptions
 from adapt.search.first_pose import locate, try_pose, variations
 from adapt.search.overall_size import SizedPose, settle_size
 from adapt.search.pose_score import ScoredPose, score_pose
 from adapt.search.search_journal import FoundPoses
-from capture.cloud.fuse import Region, fuse
+from capture.cloud.fuse import fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.recording import Instant, Recording
 
@@ -48,10 +50,13 @@ class Candidate:
     beside: Floats | None = field(default=None, repr=False)
 
 
-def frames_to_look_at(
-    recording: Recording, moments: list[Instant], poses: int, frames: Sequence[int] | None, given: Iterable[int]
-) -> list[int]:
-    """Indices of the instants to look at: the ``frames``, or some of all, and those whose first pose is ``given``."""
+def frames_to_look_at(recording: Recording, moments: list[Instant], options: AdaptOptions) -> list[int]:
+    """Indices of the instants to look at: the frames asked for, or some of all, and those whose first pose is given.
+
+    Raises:
+        FitError: too few or too many poses are asked for, too few frames, or one that is not there.
+    """
+    poses, frames, given = options.poses, options.frames, options.first_poses
     if not FEWEST_POSES <= poses <= MOST_POSES:
         raise FitError(f"{poses} example poses asked for", remedy=f"choose {FEWEST_POSES} to {MOST_POSES}")
     _refuse_strange_frames(recording, [*(frames or ()), *given], len(moments))
@@ -89,8 +94,7 @@ def pose_candidates(
     body: Body,
     moments: list[Instant],
     wanted: list[int],
-    first_poses: Mapping[int, Floats],
-    region: Region | None,
+    options: AdaptOptions,
     found: FoundPoses,
     progress: Progress,
 ) -> tuple[Body, list[Candidate]]:
@@ -98,16 +102,17 @@ def pose_candidates(
 
     A few frames are searched; from the one that fits best, poses are carried to its neighbours in time, and on.
     """
+    first_poses = options.first_poses
     sample = sample_skin(body.anatomy, at_most=2000)
     targets: dict[int, Target] = {}
     problem: BonetrackError | None = None
     for k in wanted:
         try:
-            targets[k] = Target(fuse(recording, moments[k], region=region))
+            targets[k] = Target(fuse(recording, moments[k], region=options.region))
         except CloudError as error:
             problem = error
     posed: dict[int, ScoredPose] = {}
-    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress)
+    body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress, options.person)
     for number, k in enumerate(others):
         progress(f"first pose {number + 1} of {len(targets)}")
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
@@ -134,6 +139,7 @@ def _outwards(
     posed: dict[int, ScoredPose],
     found: FoundPoses,
     progress: Progress,
+    person: Person,
 ) -> tuple[Body, list[int]]:
     """The body at the size of the person; the frames still to be posed, in order.
 
@@ -151,10 +157,10 @@ def _outwards(
             return found.find(name, partial(locate, body, targets[k], sample, []))
 
         try:
-            sized[k] = settle_size(body, targets[k], search)
+            sized[k] = settle_size(body, targets[k], search, person)
         except FitError:
             continue
-    seed = min(sized, key=lambda k: sized[k].pose.badness_m, default=None)
+    seed = min(sized, key=lambda k: sized[k].pose.cost_m, default=None)
     if seed is not None:
         body = sized[seed].body
     if given:
@@ -188,17 +194,17 @@ def plausible(candidates: list[Candidate]) -> tuple[list[Candidate], dict[float,
 
 
 def choose(
-    body: Body, candidates: list[Candidate], sample: SkinSample, poses: int
+    body: Body, candidates: list[Candidate], sample: SkinSample, poses: int, person: Person = ANYBODY
 ) -> tuple[Body, list[Candidate], list[Candidate], dict[float, str]]:
     """A first shape, the example poses chosen with it, the usable candidates not chosen, and why others are not usable.
 
     The first shape is fitted to poses chosen with the template; every candidate is then posed again with it, the
     doubtful ones also from their neighbours' poses, and those that still fit worse than the rest are left out.
     """
-    chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses)
+    chosen = choose_examples(body, [c.pose.fit for c in candidates], sample, poses, person)
     thetas = np.array([candidates[k].pose.fit.theta for k in chosen])
     bony = weighted_by_tissue(sample, body.anatomy)
-    first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony)
+    first = fit_shape(body, [candidates[k].target for k in chosen], thetas, bony, person=person)
     again: list[Candidate] = []
     for k, candidate in enumerate(candidates):  # a thin forearm may lie turned over: ask its neighbours, too
         starts = [candidate, *again[-1:], *candidates[k + 1 : k + 2]]
@@ -209,7 +215,7 @@ def choose(
             again[k] = _posed_again(first.body, candidate, again[max(0, k - 1) : k + 2], sample)
     kept, doubted = plausible(again)
     kept, doubted = (kept, doubted) if len(kept) >= poses else (again, {})
-    chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses)
+    chosen = choose_examples(first.body, [c.pose.fit for c in kept], sample, poses, person)
     left = [c for k, c in enumerate(kept) if k not in set(chosen)]
     return first.body, [kept[k] for k in sorted(chosen)], left, doubted
 
@@ -220,7 +226,7 @@ def _posed_again(body: Body, candidate: Candidate, starts: list[Candidate], samp
     found = [pose for pose in tried if pose is not None]
     if not found:
         return candidate
-    return replace(candidate, pose=min(found, key=lambda pose: pose.badness_m))
+    return replace(candidate, pose=min(found, key=lambda pose: pose.cost_m))
 
 
 def told_of(doubted: Mapping[float, str]) -> str:

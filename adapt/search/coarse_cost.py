@@ -2,7 +2,7 @@
 
 A placement is a rigid motion of the same N vertices. What it costs (m) is the mean distance of vertices that face the
 sensors from the cloud, plus that of some points from the vertices, both truncated, plus what an outline on other
-surface and skin in the void cost in ``adapt.search.pose_score``. Compiled loops do this; ``costs_by_arrays`` is their
+surface and skin in free space cost in ``adapt.search.pose_score``. Compiled loops do this; ``costs_by_arrays`` is their
 twin in plain NumPy.
 """
 
@@ -19,13 +19,13 @@ from adapt.anatomy import Floats
 from adapt.match.point_grid import PointGrid
 from adapt.match.visibility import in_an_image, is_on_outline, is_past, nearest_around
 from adapt.search.pose_score import (
-    ATTACHED_M,
     BESIDE_M,
     FAR_M,
+    FREE_SPACE_M,
+    MERGED_M,
     SAME_SURFACE_M,
-    VOID_M,
-    attached_share,
-    void_share,
+    free_space_share,
+    merged_share,
 )
 from capture.cloud.fuse import Cloud
 from capture.cloud.preprocess import Image
@@ -74,17 +74,17 @@ class Scene:
 def costs(scene: Scene, placed: Placements) -> Floats:
     """What each of R placements costs (R,) m."""
     shape = placed.points.shape[:2]
-    inside, void = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-    outline, attached = np.zeros(shape[0]), np.zeros(shape[0])
+    inside, free_space = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+    outline, merged = np.zeros(shape[0]), np.zeros(shape[0])
     for view, nearest in zip(scene.cloud.views, scene.nearest, strict=True):
         images = (view.world_from_sensor, lens_of(view.camera), view.depth, nearest)
-        _look(*images, placed.points, placed.normals, placed.weights, inside, void, outline, attached)
+        _look(*images, placed.points, placed.normals, placed.weights, inside, free_space, outline, merged)
     counted = placed.facing * inside
     asked, distance = counted > 0.0, np.zeros(shape)
     distance[asked] = np.minimum(scene.grid.query(placed.points[asked], distance_upper_bound=FAR_M)[0], FAR_M)
     apart = np.zeros(shape[0])
     _explain(placed.points.astype(np.float32), scene.few, np.zeros(len(scene.few), dtype=np.float32), apart)
-    return _sum(counted, distance, apart, attached / np.maximum(outline, 1e-9), void.mean(axis=1))
+    return _sum(counted, distance, apart, merged / np.maximum(outline, 1e-9), free_space.mean(axis=1))
 
 
 def costs_by_arrays(scene: Scene, placed: Placements) -> Floats:
@@ -94,14 +94,14 @@ def costs_by_arrays(scene: Scene, placed: Placements) -> Floats:
     distance = np.minimum(cKDTree(cloud.points).query(flat, distance_upper_bound=FAR_M)[0], FAR_M)
     square = np.array([((points[:, None] - scene.few) ** 2).sum(axis=2).min(axis=0) for points in placed.points])
     apart = np.minimum(np.sqrt(square), 2.0 * FAR_M).mean(axis=1)
-    attached = attached_share(cloud, placed.points, placed.normals, placed.weights)
-    void = void_share(cloud, placed.points, np.ones(len(placed.weights)))
-    return _sum(counted, distance.reshape(counted.shape), apart, attached, void)
+    merged = merged_share(cloud, placed.points, placed.normals, placed.weights)
+    free_space = free_space_share(cloud, placed.points, np.ones(len(placed.weights)))
+    return _sum(counted, distance.reshape(counted.shape), apart, merged, free_space)
 
 
-def _sum(counted: Floats, distance: Floats, apart: Floats, attached: Floats, void: Floats) -> Floats:
+def _sum(counted: Floats, distance: Floats, apart: Floats, merged: Floats, free_space: Floats) -> Floats:
     skin = (counted * distance).sum(axis=1) / np.maximum(counted.sum(axis=1), 1e-9)
-    return np.asarray(skin + apart + ATTACHED_M * attached + VOID_M * void)
+    return np.asarray(skin + apart + MERGED_M * merged + FREE_SPACE_M * free_space)
 
 
 @compiled
@@ -114,11 +114,11 @@ def _look(
     normals: Floats,
     weights: Floats,
     inside: NDArray[np.bool_],
-    void: NDArray[np.bool_],
+    free_space: NDArray[np.bool_],
     outline: Floats,
-    attached: Floats,
+    merged: Floats,
 ) -> None:
-    """What one view says: marks vertices ``inside`` its image and in the ``void`` (R, N), adds up outlines (R,)."""
+    """What one view says: marks vertices ``inside`` its image and in ``free_space`` (R, N), adds up outlines (R,)."""
     t = world_from_sensor
     for r in range(points.shape[0]):
         for i in range(points.shape[1]):
@@ -128,13 +128,13 @@ def _look(
             row, column = _pixel(t, lens, depth.shape, a, b, c)
             if row >= 0:
                 inside[r, i] = True
-                void[r, i] = void[r, i] or is_past(nearest[row, column], z)
+                free_space[r, i] = free_space[r, i] or is_past(nearest[row, column], z)
             if not is_on_outline(t, e, f, g):
                 continue
             outline[r] += weights[i]
             row, column = _pixel(t, lens, depth.shape, a + BESIDE_M * e, b + BESIDE_M * f, c + BESIDE_M * g)
             if row >= 0 and depth[row, column] > 0.0 and abs(depth[row, column] - z) < SAME_SURFACE_M:
-                attached[r] += weights[i]
+                merged[r] += weights[i]
 
 
 @compiled

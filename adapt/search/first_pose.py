@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.fit.least_squares import SEARCH_PLANE_WEIGHT
 from adapt.fit.pose import fit_pose
+from adapt.fit.problem import SEARCH_PLANE_WEIGHT
 from adapt.fit.unobserved import towards_rest
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin
@@ -41,7 +41,7 @@ _COARSE_GATE_M = 0.10
 _IN_SIGHT, _FOUND = 0.1, 0.75  # of a bone's skin, and of that: of bones with less, the cloud tells nothing
 GOOD_M = 0.006  # a pose from a likely start whose skin is this near to the cloud needs no search
 _GOOD_COVERAGE = 0.9  # a pose from a likely start that finds this share of the skin needs no search
-_GOOD_ATTACHED, _GOOD_VOID = 0.4, 0.15  # the same of a pose with less of its outline attached, of its skin in the void
+_GOOD_MERGED, _GOOD_FREE = 0.4, 0.15  # the same of a pose with less of its outline merged, of its skin in free space
 CLEARLY_M = 0.003  # a pose found by search must be better by this much than one that was there before
 
 
@@ -61,7 +61,7 @@ def find_pose(body: Body, target: Target, *, seed: int = 0) -> ScoredPose:
         raise FitError(
             "no pose of the anatomy fits the cloud", remedy="narrow the region of interest or give a first pose"
         )
-    return min(refined, key=lambda pose: pose.badness_m)
+    return min(refined, key=lambda pose: pose.cost_m)
 
 
 def locate(
@@ -69,8 +69,8 @@ def locate(
 ) -> ScoredPose:
     """A pose from some likely ``starts``, or by search where none of them leads to a good one.
 
-    Good is a skin that is ``good_m`` from the cloud, nearly all found, and neither laid on other surface nor in the
-    void.
+    Good is a skin that is ``good_m`` from the cloud, nearly all found, and neither laid on other surface nor in free
+    space.
 
     Raises:
         FitError: nothing fits.
@@ -81,7 +81,7 @@ def locate(
         if pose is not None and pose.skin_m < good_m and is_sound(pose):
             return pose
         tried += [] if pose is None else [pose]
-    best = min(tried, key=lambda pose: pose.badness_m, default=None)
+    best = min(tried, key=lambda pose: pose.cost_m, default=None)
     try:
         searched = find_pose(body, target)
     except FitError:
@@ -89,7 +89,7 @@ def locate(
             raise
         return best
     searched = try_pose(body, target, sample, searched.fit.theta) or searched
-    if best is not None and best.badness_m < searched.badness_m + CLEARLY_M:
+    if best is not None and best.cost_m < searched.cost_m + CLEARLY_M:
         return best
     return searched
 
@@ -112,17 +112,17 @@ def variations(anatomy: Anatomy, theta: Floats) -> list[Floats]:
 
 
 def is_sound(pose: ScoredPose) -> bool:
-    """Whether nearly all the skin is found, and neither laid on other surface nor in the void.
+    """Whether nearly all the skin is found, and neither laid on other surface nor in free space.
 
     >>> from dataclasses import replace
     >>> from adapt.match.correspondences import Correspondences
     >>> from adapt.fit.pose import PoseFit
     >>> fit = PoseFit(np.zeros(10), Correspondences(*np.zeros((4, 0))), np.zeros(0))
-    >>> good = ScoredPose(fit, skin_m=0.003, cloud_m=0.004, coverage=0.97, attached=0.1, void=0.01)
-    >>> is_sound(good), is_sound(replace(good, attached=0.6))
+    >>> good = ScoredPose(fit, skin_m=0.003, cloud_m=0.004, coverage=0.97, merged_outline=0.1, free_space=0.01)
+    >>> is_sound(good), is_sound(replace(good, merged_outline=0.6))
     (True, False)
     """
-    return pose.coverage > _GOOD_COVERAGE and pose.attached < _GOOD_ATTACHED and pose.void < _GOOD_VOID
+    return pose.coverage > _GOOD_COVERAGE and pose.merged_outline < _GOOD_MERGED and pose.free_space < _GOOD_FREE
 
 
 def try_pose(body: Body, target: Target, sample: SkinSample, start: Floats) -> ScoredPose | None:

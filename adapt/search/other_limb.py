@@ -26,7 +26,7 @@ from capture.errors import FitError
 
 _WORTH_A_SEARCH = 0.4  # of the points that the limb explains, as many must be left for a second one
 _LEAST_IN_SIGHT = 0.25  # of a second limb's skin: less of one is a shape like others
-_MOST_ATTACHED, _MOST_VOID = 0.4, 0.15  # as of any pose found anew: laid on other surface, or in empty space
+_MOST_MERGED, _MOST_FREE = 0.4, 0.15  # as of any pose found anew: laid on other surface, or in empty space
 _LEAST_BONES = 2
 _MOST_WORSE = 2.0  # times farther from the cloud than the fitted limb's skin: what fits worse is something else
 _MOST_UNEXPLAINED = 0.5  # of the cloud near a second limb: more goes on than it explains
@@ -52,7 +52,7 @@ def other_limb(
     skin = judge_fit(body, rest, pose.fit, sample, ADAPTED)
     first = find_skin(body, target, theta, sample).whole
     bones = sum(shows(part) for part in skin.found.bones.values())
-    sound = pose.attached < _MOST_ATTACHED and pose.void < _MOST_VOID and bones >= _LEAST_BONES
+    sound = pose.merged_outline < _MOST_MERGED and pose.free_space < _MOST_FREE and bones >= _LEAST_BONES
     whole = skin.found.whole
     sound &= whole.skin_m < most_worse * first.skin_m and skin.unexplained < _MOST_UNEXPLAINED
     return (rest, pose) if sound and not skin.reason and whole.in_sight > _LEAST_IN_SIGHT else None

@@ -15,6 +15,7 @@ from adapt.fit.shape import fit_shape
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from adapt.model.body import Body
+from adapt.model.shape.population import ANYBODY, Person
 from adapt.model.shape.prior import overall_size
 from adapt.model.size import resized
 from adapt.search.first_pose import is_sound, try_pose
@@ -36,10 +37,13 @@ class SizedPose:
     pose: ScoredPose
 
 
-def settle_size(body: Body, target: Target, search: Callable[[Body, float], ScoredPose]) -> SizedPose:
+def settle_size(
+    body: Body, target: Target, search: Callable[[Body, float], ScoredPose], person: Person = ANYBODY
+) -> SizedPose:
     """The overall size of the limb in one cloud, and the limb's pose at that size.
 
-    ``search`` finds a pose of the body it is given, which is the template ``body`` at the size (1 first) named with it.
+    ``search`` finds a pose of the body it is given, which is ``body``, the template as large as the ``person`` is said
+    to be, at the size (1 first) named with it.
 
     Raises:
         FitError: the search finds nothing at any size.
@@ -50,42 +54,47 @@ def settle_size(body: Body, target: Target, search: Callable[[Body, float], Scor
     for size in (1.0, *OTHER_SIZES):
         try:
             searched[size] = search(resized(body, size), size)
-            found.append(_grown(body, target, resized(body, size), searched[size]))
+            found.append(_grown(target, resized(body, size), searched[size], person))
         except FitError as error:
             problem = problem or error
             continue
-        if size == 1.0 and _needs_no_other(found[0]):
+        if size == 1.0 and _needs_no_other(found[0], body):
             break
     if not found:
         raise problem or FitError("no size of the anatomy fits the cloud", remedy="narrow the region of interest")
-    best = min(found, key=lambda one: one.pose.badness_m * (1.0 if one is found[0] else 1.0 / _CLEARLY))
-    if 1.0 in searched and abs(overall_size(best.body) - 1.0) < _LEFT_TO_THE_FIT:
+    best = min(found, key=lambda one: one.pose.cost_m * (1.0 if one is found[0] else 1.0 / _CLEARLY))
+    if 1.0 in searched and abs(_against(body, best.body) - 1.0) < _LEFT_TO_THE_FIT:
         return SizedPose(body, searched[1.0])  # proportions fitted to one frame may have turned a forearm over
     return _whole(body, target, best)
 
 
-def _needs_no_other(found: SizedPose) -> bool:
-    """Whether the cloud is well explained at about the template's size: a size that the fit had to find is in doubt."""
-    near = abs(overall_size(found.body) - 1.0) < _LEFT_TO_THE_FIT
+def _against(body: Body, other: Body) -> float:
+    """How many times as large the other body is."""
+    return overall_size(other) / overall_size(body)
+
+
+def _needs_no_other(found: SizedPose, body: Body) -> bool:
+    """Whether the cloud is well explained at about the body's size: a size that the fit had to find is in doubt."""
+    near = abs(_against(body, found.body) - 1.0) < _LEFT_TO_THE_FIT
     return near and found.pose.skin_m < _WELL_M and is_sound(found.pose)
 
 
-def _grown(body: Body, target: Target, start: Body, pose: ScoredPose) -> SizedPose:
+def _grown(target: Target, start: Body, pose: ScoredPose, person: Person) -> SizedPose:
     """The body with shape and pose fitted to one cloud; as it was where the fit leads nowhere."""
-    sample = sample_skin(body.anatomy, at_most=_VERTICES)
+    sample = sample_skin(start.anatomy, at_most=_VERTICES)
     try:
-        fitted = fit_shape(start, [target], pose.fit.theta[None], sample, updates=_UPDATES)
+        fitted = fit_shape(start, [target], pose.fit.theta[None], sample, person=person, updates=_UPDATES)
     except FitError:
         return SizedPose(start, pose)
     better = try_pose(fitted.body, target, sample, fitted.thetas[0])
-    if better is None or better.badness_m > pose.badness_m:
+    if better is None or better.cost_m > pose.cost_m:
         return SizedPose(start, pose)
     return SizedPose(fitted.body, better)
 
 
 def _whole(body: Body, target: Target, best: SizedPose) -> SizedPose:
     """The same with the template's proportions."""
-    size = overall_size(best.body)
+    size = _against(body, best.body)
     whole = body if abs(size - 1.0) < _LEFT_TO_THE_FIT else resized(body, size)
     pose = try_pose(whole, target, sample_skin(body.anatomy, at_most=2000), best.pose.fit.theta)
     return SizedPose(whole, pose or best.pose)

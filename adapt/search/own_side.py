@@ -75,5 +75,5 @@ def _right(body: Body, theta: Floats) -> Floats:
 
 def _lower_leg(body: Body, theta: Floats) -> Floats:
     """The middle (3,) m of shank and foot."""
-    riding = body.skin_riding[:, [bone.name in _LOWER for bone in body.anatomy.bones]].sum(axis=1)
-    return np.asarray(np.average(pose_skin(body, theta), axis=0, weights=riding))
+    shares = body.skin_riding[:, [bone.name in _LOWER for bone in body.anatomy.bones]].sum(axis=1)
+    return np.asarray(np.average(pose_skin(body, theta), axis=0, weights=shares))

@@ -19,8 +19,8 @@ from capture.cloud.fuse import Cloud
 
 FAR_M = 0.05  # a distance counts up to this much: beyond it, a point is simply not explained
 _NEAR_M = 0.025  # skin this near to the cloud is found
-ATTACHED_M = 0.03  # what a limb whose whole outline lies on other surface costs
-VOID_M = 0.06  # what a limb that lies in empty space altogether costs
+MERGED_M = 0.03  # what a limb whose whole outline lies on other surface costs
+FREE_SPACE_M = 0.06  # what a limb that lies in empty space altogether costs
 BESIDE_M = 0.035  # how far beside the outline to look for other surface
 SAME_SURFACE_M = 0.035  # surface this near in depth goes on beyond the outline
 
@@ -51,9 +51,9 @@ class FoundSkin:
 class ScoredPose:
     """A pose with how badly it explains the cloud (m): skin without points, points without skin, and what else jars.
 
-    ``attached`` is the share of the outline beyond which the same surface goes on: an arm laid out on a chest has
-    points near all its skin, but no outline of its own. ``void`` is the share of the skin's area, parts that do not
-    count in fitting included, where the sensors saw past it: an arm turned end for end may have its forearm in the
+    ``merged_outline`` is the share of the outline beyond which the same surface goes on: an arm laid out on a chest has
+    points near all its skin, but no outline of its own. ``free_space`` is the share of the skin's area, parts that do
+    not count in fitting included, where the sensors saw past it: an arm turned end for end may have its forearm in the
     person's, but its shoulder in empty space.
     """
 
@@ -61,13 +61,13 @@ class ScoredPose:
     skin_m: float
     cloud_m: float
     coverage: float  # share of the skin that should be seen and is
-    attached: float
-    void: float
+    merged_outline: float
+    free_space: float
 
     @property
-    def badness_m(self) -> float:
+    def cost_m(self) -> float:
         """What candidates are compared by."""
-        return self.skin_m + self.cloud_m + ATTACHED_M * self.attached + VOID_M * self.void
+        return self.skin_m + self.cloud_m + MERGED_M * self.merged_outline + FREE_SPACE_M * self.free_space
 
 
 def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> ScoredPose:
@@ -80,9 +80,9 @@ def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> 
     tree = cKDTree(skin[:: max(1, len(skin) // 2000)])
     unexplained, _ = tree.query(target.cloud.points[:: max(1, len(target.cloud.points) // 500)])
     cloud_m = float(np.minimum(unexplained, FAR_M).mean())
-    attached = float(attached_share(target.cloud, points[None], normals[None], weight)[0])
-    void = float(void_share(target.cloud, skin[None], vertex_areas(skin, body.anatomy.skin_faces))[0])
-    return ScoredPose(fit, skin_m, cloud_m, coverage, attached, void)
+    merged = float(merged_share(target.cloud, points[None], normals[None], weight)[0])
+    free_space = float(free_space_share(target.cloud, skin[None], vertex_areas(skin, body.anatomy.skin_faces))[0])
+    return ScoredPose(fit, skin_m, cloud_m, coverage, merged, free_space)
 
 
 def find_skin(body: Body, target: Target, theta: Floats, sample: SkinSample) -> FoundSkin:
@@ -146,12 +146,12 @@ def _found(distance: Floats, weights: Floats) -> tuple[float, float]:
     return float(np.average(distance, weights=weights)), float(np.average(distance < _NEAR_M, weights=weights))
 
 
-def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Floats) -> Floats:
+def merged_share(cloud: Cloud, points: Floats, normals: Floats, weights: Floats) -> Floats:
     """For R placements of N vertices (R, N, 3) the share (R,) of the outline that is no outline in the depth images.
 
     A little beside it, away from the limb, there should be nothing or something at another depth.
     """
-    attached, outline = np.zeros(len(points)), np.zeros(len(points))
+    merged, outline = np.zeros(len(points)), np.zeros(len(points))
     for view in cloud.views:
         placement, vertex = np.nonzero(on_outline(view, normals))
         beside = points[placement, vertex] + BESIDE_M * normals[placement, vertex]
@@ -159,24 +159,24 @@ def attached_share(cloud: Cloud, points: Floats, normals: Floats, weights: Float
         measured, _, _ = depth_at(view, beside)
         same = (measured > 0.0) & (np.abs(measured - depth) < SAME_SURFACE_M)
         outline += np.bincount(placement, weights[vertex], minlength=len(points))
-        attached += np.bincount(placement, weights[vertex] * same, minlength=len(points))
-    return np.asarray(attached / np.maximum(outline, 1e-9))
+        merged += np.bincount(placement, weights[vertex] * same, minlength=len(points))
+    return np.asarray(merged / np.maximum(outline, 1e-9))
 
 
-def void_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
+def free_space_share(cloud: Cloud, points: Floats, weights: Floats) -> Floats:
     """For R placements of N vertices (R, N, 3) the weighted share (R,) at which a sensor saw nothing, or past it.
 
     >>> from capture.camera import Camera
     >>> from capture.cloud.fuse import View
     >>> view = View("a", Camera(640, 480, 500.0, 500.0, 319.5, 239.5), np.eye(4), np.full((480, 640), 2.0))
     >>> cloud = Cloud(np.eye(3)[2:], -np.eye(3)[2:], np.zeros(1, bool), np.zeros(1, int), (view,))
-    >>> void_share(cloud, np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]]), np.array([1.0, 3.0])).tolist()
+    >>> free_space_share(cloud, np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]]), np.array([1.0, 3.0])).tolist()
     [0.25]
     """
-    void = np.zeros(points.shape[:2], dtype=bool)
+    free_space = np.zeros(points.shape[:2], dtype=bool)
     for view in cloud.views:
-        void |= looked_past(view, points.reshape(-1, 3)).reshape(void.shape)
-    return np.asarray(void @ weights / weights.sum())
+        free_space |= looked_past(view, points.reshape(-1, 3)).reshape(free_space.shape)
+    return np.asarray(free_space @ weights / weights.sum())
 
 
 @dataclass(frozen=True)

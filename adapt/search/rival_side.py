@@ -28,7 +28,8 @@ from adapt.match.visibility import depth_of
 from adapt.mirror import mirrored_body, mirrored_name
 from adapt.model.body import Body, make_body, pose_skin
 from adapt.model.pose_space import joint_coordinates, moved_rigidly
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.population import ANYBODY, Person
+from adapt.model.shape.prior import shape_prior
 from adapt.model.size import resized
 from adapt.own_anatomy import other_side_asked
 from adapt.search.first_pose import try_pose
@@ -123,11 +124,18 @@ def _noisier(targets: Sequence[Target]) -> float:
 
 
 def compare_sides(
-    anatomy: Anatomy, targets: Sequence[Target], thetas: Floats, *, scale: float, gone: Bools | None = None
+    anatomy: Anatomy,
+    targets: Sequence[Target],
+    thetas: Floats,
+    *,
+    scale: float,
+    gone: Bools | None = None,
+    person: Person = ANYBODY,
 ) -> SideEvidence | None:
     """Fit an anatomy and its mirror image to K clouds, near the poses (K, n) of a body of that ``scale``.
 
-    ``gone`` (V,) is skin that takes no part. None where either side fits nowhere.
+    ``gone`` (V,) is skin that takes no part; ``person`` is what is said of whose limb it is. None where
+    either side fits nowhere.
     """
     asked = resized(make_body(anatomy), scale)  # neither side begins with what the other made of the clouds
     other = mirrored_body(asked)
@@ -142,17 +150,17 @@ def compare_sides(
         return None
     clouds = [target for target, _, _ in poses]
     try:
-        one = _fit(asked, clouds, np.array([theta for _, theta, _ in poses]), sample)
-        two = _fit(other, clouds, np.array([rival for _, _, rival in poses]), mirrored_sample)
+        one = _fit(asked, clouds, np.array([theta for _, theta, _ in poses]), sample, person)
+        two = _fit(other, clouds, np.array([rival for _, _, rival in poses]), mirrored_sample, person)
         asked_m, patches = patch_misfit(anatomy, _apart(one, clouds, sample), sample)
         other_m, _ = patch_misfit(other.anatomy, _apart(two, clouds, mirrored_sample), mirrored_sample)
     except FitError:
         return None
-    return SideEvidence(asked_m, other_m, patches, _improbability(two) - _improbability(one))
+    return SideEvidence(asked_m, other_m, patches, _improbability(two, person) - _improbability(one, person))
 
 
-def _fit(body: Body, targets: list[Target], thetas: Floats, sample: SkinSample) -> ShapeFit:
-    return fit_shape(body, targets, thetas, weighted_by_tissue(sample, body.anatomy), updates=_UPDATES)
+def _fit(body: Body, targets: list[Target], thetas: Floats, sample: SkinSample, person: Person) -> ShapeFit:
+    return fit_shape(body, targets, thetas, weighted_by_tissue(sample, body.anatomy), person=person, updates=_UPDATES)
 
 
 def _apart(fitted: ShapeFit, targets: list[Target], sample: SkinSample) -> Floats:
@@ -161,10 +169,11 @@ def _apart(fitted: ShapeFit, targets: list[Target], sample: SkinSample) -> Float
     return np.clip(apart, -_MOST_M, _MOST_M)
 
 
-def _improbability(fitted: ShapeFit) -> float:
+def _improbability(fitted: ShapeFit, person: Person) -> float:
     """Minus the logarithm of the prior (nats) of a body's proportions."""
-    away = fitted.body.shape - fitted.body.affine.identity
-    return 0.5 * float(away @ shape_precision(fitted.body.anatomy, fitted.body.affine) @ away)
+    prior = shape_prior(fitted.body.anatomy, fitted.body.affine, person)
+    away = fitted.body.shape - prior.mean
+    return 0.5 * float(away @ prior.precision @ away)
 
 
 def _pose_of_other(body: Body, other: Body, target: Target, theta: Floats, sample: SkinSample) -> Floats | None:
@@ -173,7 +182,7 @@ def _pose_of_other(body: Body, other: Body, target: Target, theta: Floats, sampl
     laid = [pose for form in _forms_near(other.anatomy, theta) for pose in _laid_upon(other, form, skin)]
     laid.sort(key=lambda pose: pose[0])
     tried = [try_pose(other, target, sample, start) for _, start in laid[:_TRIED]]
-    best = min((pose for pose in tried if pose is not None), key=lambda pose: pose.badness_m, default=None)
+    best = min((pose for pose in tried if pose is not None), key=lambda pose: pose.cost_m, default=None)
     return None if best is None else best.fit.theta
 
 

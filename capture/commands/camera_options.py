@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from capture.importers import Stated
+    from capture.importers import UserCamera
 
 T = TypeVar("T")
 
@@ -37,13 +37,13 @@ class CameraOptions:
     axes: str | None
     mirrored: bool
 
-    def of_sources(self, count: int) -> list[Stated]:
+    def of_sources(self, count: int) -> list[UserCamera]:
         """What is stated of each of so many sources.
 
         Raises:
             click.BadParameter: options that do not go together, as many values as there are no sources, or no value.
         """
-        from capture.importers import Stated
+        from capture.importers import UserCamera
 
         if not self.fx and (self.fy or self.cx or self.cy or self.distortion):
             raise click.BadParameter("is needed where another part of the camera is stated", param_hint="--fx")
@@ -52,7 +52,7 @@ class CameraOptions:
         units = _for_each(self.unit_mm, count, "--unit-mm")
         axes, depth_range = _axes(self.axes), _depth_range(self.depth_range)
         stated = [
-            Stated(
+            UserCamera(
                 **{name: values[k] for name, values in numbers.items()},
                 distortion=_distortion(distortions[k] or ""),
                 size=(self.width, self.height),

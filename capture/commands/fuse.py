@@ -30,8 +30,8 @@ def fuse_command(
     import numpy as np
 
     from capture.cloud.fuse import fuse, write_ply
+    from capture.provenance import region_used, sensors_in_words
     from capture.recording import instants, open_recording
-    from capture.settings import region_used, sensors_in_words
 
     opened = open_recording(recording)
     every = instants(opened)

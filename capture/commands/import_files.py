@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -13,6 +13,9 @@ from capture.commands.calibrate import extrinsics_option, known_by_file, print_c
 from capture.commands.camera_options import CameraOptions
 from capture.commands.recording_summary import print_recording
 from capture.console import stdout
+
+if TYPE_CHECKING:
+    from capture.importers import ImportOptions
 
 _PATH = click.Path(path_type=Path)
 
@@ -114,16 +117,8 @@ _FORMAT_NAMES = (
 def import_command(
     sources: tuple[Path, ...],
     out: Path,
-    format_name: str | None,
-    sensor: tuple[str, ...],
-    offset: str,
-    box: tuple[float, float, float] | None,
-    box_seconds: tuple[float, float] | None,
-    box_source: tuple[Path, ...],
-    seconds: tuple[float, float] | None,
     extrinsics: Path | None,
-    overwrite: bool,
-    **cameras: Any,
+    **asked: Any,
 ) -> None:
     """Make one recording of each SOURCE, a sensor's file or folder.
 
@@ -134,19 +129,13 @@ def import_command(
     """
     from capture.importers import import_recording
 
-    stated = CameraOptions(**cameras).of_sources(len(sources))
+    options = _options(len(sources), **asked)
     looks: list[tuple[str, str]] = []
     with stdout.status("importing") as status:
         recording = import_recording(
             sources,
             out,
-            stated=stated,
-            format_name=format_name,
-            sensor_names=sensor,
-            offset=_offset(offset),
-            box=shown_box(box, box_seconds, box_source),
-            seconds=time_span(seconds, "--seconds"),
-            overwrite=overwrite,
+            options,
             progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
             readings=lambda name, words: looks.append((name, words)),
         )
@@ -159,6 +148,37 @@ def import_command(
         calibration = known_by_file(recording, extrinsics)
         write_calibration(recording, calibration)
         print_calibration(calibration)
+
+
+def _options(
+    count: int,
+    *,
+    format_name: str | None,
+    sensor: tuple[str, ...],
+    offset: str,
+    box: tuple[float, float, float] | None,
+    box_seconds: tuple[float, float] | None,
+    box_source: tuple[Path, ...],
+    seconds: tuple[float, float] | None,
+    overwrite: bool,
+    **cameras: Any,
+) -> ImportOptions:
+    """What the options ask of the import of so many sources.
+
+    Raises:
+        click.BadParameter: a value cannot be, or options do not go together.
+    """
+    from capture.importers import ImportOptions
+
+    return ImportOptions(
+        cameras=CameraOptions(**cameras).of_sources(count),
+        format_name=format_name,
+        sensor_names=sensor,
+        offset=_offset(offset),
+        box=shown_box(box, box_seconds, box_source),
+        seconds=time_span(seconds, "--seconds"),
+        overwrite=overwrite,
+    )
 
 
 def _offset(text: str) -> Literal["motion", "clock"] | float:

@@ -28,7 +28,7 @@ from capture.importers.source import (
     DepthFrame,
     Frames,
     Source,
-    Stated,
+    UserCamera,
     check_size,
     damaged,
     no_depth,
@@ -56,7 +56,7 @@ _LARGEST_CALIBRATION = 2**20
 _START = re.compile(r"[0-9]{1,18}")
 
 
-def open_mkv(path: Path, stated: Stated) -> Source:
+def open_mkv(path: Path, stated: UserCamera) -> Source:
     """A recording made by ``k4arecorder`` or another program on the Sensor SDK.
 
     Raises:

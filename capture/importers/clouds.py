@@ -24,7 +24,7 @@ from capture.importers.source import (
     DepthFrame,
     Frames,
     Source,
-    Stated,
+    UserCamera,
     check_size,
     fine_unit,
 )
@@ -48,7 +48,7 @@ def is_clouds(folder: Path) -> bool:
     return any(folder.glob("*.pcd")) or any(folder.glob("*.ply"))
 
 
-def open_clouds(source: Path, stated: Stated) -> Source:
+def open_clouds(source: Path, stated: UserCamera) -> Source:
     """A cloud, or a folder of them; order and times are what their names tell.
 
     Raises:

@@ -22,7 +22,7 @@ from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.images import source_files
 from capture.importers.names import NamedTimes, named_times
-from capture.importers.source import NO_CLOCK, ColourFrame, DepthFrame, Frames, Source, Stated
+from capture.importers.source import NO_CLOCK, ColourFrame, DepthFrame, Frames, Source, UserCamera
 from capture.recording import Colour, Sensor, depth_png
 from capture.recording.checked_json import Checked
 
@@ -47,7 +47,7 @@ def is_redwood(folder: Path) -> bool:
     return (folder / "depth").is_dir()
 
 
-def open_tum(folder: Path, stated: Stated) -> Source:
+def open_tum(folder: Path, stated: UserCamera) -> Source:
     """A sequence of TUM's RGB-D benchmark, or of a data set in its layout.
 
     Raises:
@@ -59,7 +59,7 @@ def open_tum(folder: Path, stated: Stated) -> Source:
     return _source(folder, stated, depth, colour, own=None, unit_m=unit_m, times="the file")
 
 
-def open_redwood(folder: Path, stated: Stated) -> Source:
+def open_redwood(folder: Path, stated: UserCamera) -> Source:
     """A scan in Redwood's layout, or one that Open3D's recorder was made to write.
 
     Raises:
@@ -107,7 +107,7 @@ def _against_length(told: Checked, depth: Timed) -> str:
 
 def _source(
     folder: Path,
-    stated: Stated,
+    stated: UserCamera,
     depth: Timed,
     colour: Timed,
     *,

@@ -22,7 +22,7 @@ from capture.importers import (
 from capture.importers.disparity import converted
 from capture.importers.mirror import unmirrored
 from capture.importers.names import natural_order
-from capture.importers.source import Source, Stated
+from capture.importers.source import Source, UserCamera
 from capture.recording.types import HEADER_FILE, UNFINISHED_FILE
 
 _HEAD_BYTES = 64
@@ -43,7 +43,7 @@ class Format:
     """
 
     name: str
-    open: Callable[[Path, Stated], Source]
+    open: Callable[[Path, UserCamera], Source]
     head: bytes = b""
     suffixes: tuple[str, ...] = ()
     is_folder: Callable[[Path], bool] | None = None
@@ -92,7 +92,7 @@ _TOLD_BY_OTHER_FILES = (datasets.is_tum, datasets.is_redwood, realsense_snapshot
 _BY_NAME = {format.name: format for format in FORMATS}
 
 
-def open_source(path: Path, stated: Stated, *, name: str | None = None) -> Source:
+def open_source(path: Path, stated: UserCamera, *, name: str | None = None) -> Source:
     """Open a sensor's file or folder with the reader of its format; ``name`` states the format.
 
     Raises:

@@ -23,7 +23,7 @@ from capture.importers.source import (
     DepthFrame,
     Frames,
     Source,
-    Stated,
+    UserCamera,
     check_size,
 )
 from capture.recording import Recording, RecordingWriter, Sensor, depth_png, open_recording
@@ -68,7 +68,7 @@ def import_images(
     return open_recording(out)
 
 
-def open_png(source: Path, stated: Stated) -> Source:
+def open_png(source: Path, stated: UserCamera) -> Source:
     """A PNG image, or a folder of them.
 
     Raises:
@@ -79,7 +79,7 @@ def open_png(source: Path, stated: Stated) -> Source:
     return _source(named, "png", stated.camera(width, height, own=None, where=source), stated)
 
 
-def open_raw(source: Path, stated: Stated) -> Source:
+def open_raw(source: Path, stated: UserCamera) -> Source:
     """A raw dump, or a folder of them.
 
     Raises:
@@ -97,7 +97,7 @@ def open_raw(source: Path, stated: Stated) -> Source:
     return _source(named, "raw", camera, stated)
 
 
-def _source(named: NamedTimes, kind: Kind, camera: Camera, stated: Stated) -> Source:
+def _source(named: NamedTimes, kind: Kind, camera: Camera, stated: UserCamera) -> Source:
     """A source of files that hold an image each."""
     sensor = Sensor("sensor", camera, stated.unit(None), stated.depth_range_m)
     images = ((_READERS[kind](file, camera), time_s) for file, time_s in zip(named.files, named.times_s, strict=True))

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from capture.errors import RecordingError
 from capture.importers.formats import open_source
-from capture.importers.parts import ShownBox
+from capture.importers.options import ImportOptions
 from capture.importers.readings import Tally
-from capture.importers.source import Source, Stated
+from capture.importers.source import Source, UserCamera
 from capture.importers.times import Timed
 from capture.recording import Sensor
 
@@ -24,7 +24,7 @@ class Input:
 
     path: Path
     box_path: Path | None
-    stated: Stated
+    stated: UserCamera
     format_name: str | None
     source: Source
     sensor: Sensor
@@ -41,30 +41,22 @@ class Input:
         return f"{self.path.name}{turned}, times by {self.source.times}"
 
 
-def open_inputs(
-    paths: Path | Sequence[Path],
-    out: Path,
-    *,
-    stated: Stated | Sequence[Stated],
-    format_name: str | None,
-    sensor_names: Sequence[str],
-    box: ShownBox | None,
-) -> list[Input]:
-    """Open each sensor's file or folder; the arguments are ``import_recording``'s.
+def open_inputs(paths: Path | Sequence[Path], out: Path, options: ImportOptions) -> list[Input]:
+    """Open each sensor's file or folder, to be written into the folder ``out``.
 
     Raises:
         RecordingError: not as many different names, or files of the box, as sensors; a file cannot be read, or lies in
             the folder that is to be written.
     """
     listed = [paths] if isinstance(paths, Path) else list(paths)
-    names = list(sensor_names) or (["sensor"] if len(listed) == 1 else [f"sensor-{i + 1}" for i in range(len(listed))])
+    names = options.name_of_each(len(listed))
     if len(set(names)) != len(listed):
         raise RecordingError(
             f"{len(listed)} sensors need as many different names, not {', '.join(names)}",
             where=out,
             remedy="give --sensor once for each",
         )
-    box_paths = () if box is None else box.paths
+    box_paths = () if options.box is None else options.box.paths
     _refuse_inside([*listed, *box_paths], out)
     if box_paths and len(box_paths) != len(listed):
         raise RecordingError(
@@ -72,7 +64,7 @@ def open_inputs(
             where=out,
             remedy="give --box-source once for each",
         )
-    each = [stated] * len(listed) if isinstance(stated, Stated) else list(stated)
+    each, format_name = options.camera_of_each(len(listed)), options.format_name
     inputs = []
     for path, box_path, own, name in zip(listed, box_paths or [None] * len(listed), each, names, strict=True):
         source = open_source(path, own, name=format_name)

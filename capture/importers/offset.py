@@ -45,7 +45,7 @@ _VIEW_DEVIATION_S = 0.004
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MotionSignal:
     """How much moves, over time: times (N,) (s, 0 at the first depth frame) and amounts (N,) (square root of m/s)."""
 
     times_s: Floats
@@ -61,7 +61,7 @@ class Offset:
     correlation: float
 
 
-def motion_of(source: Source) -> Motion:
+def motion_of(source: Source) -> MotionSignal:
     """The motion that one sensor sees; reads all its frames.
 
     Raises:
@@ -85,7 +85,7 @@ def motion_of(source: Source) -> Motion:
             times.append(0.5 * (frame.time_s + before_s) - start_s)
             amounts.append(math.sqrt(_change(before, now) / (frame.time_s - before_s)))
         recent.append((frame.time_s, now))
-    return Motion(np.array(times), np.array(amounts))
+    return MotionSignal(np.array(times), np.array(amounts))
 
 
 def _blocks(readings: NDArray[np.uint16], side: int, sensor: Sensor) -> Floats:
@@ -109,7 +109,7 @@ def _change(before: Floats, now: Floats) -> float:
     return (moved + _LARGEST_CHANGE_M * np.count_nonzero(seen_before != seen_now)) / now.size
 
 
-def estimate_offset(first: Motion, second: Motion, *, where: Path) -> Offset:
+def estimate_offset(first: MotionSignal, second: MotionSignal, *, where: Path) -> Offset:
     """The offset at which two courses of motion agree best.
 
     The standard deviation is the jackknife's: the course is cut into pieces, and the best shift is found again with
@@ -118,7 +118,8 @@ def estimate_offset(first: Motion, second: Motion, *, where: Path) -> Offset:
     >>> times = np.arange(0.0, 20.0, 1.0 / 30.0)
     >>> def moved(at_s):
     ...     return np.abs(np.sin(1.1 * at_s) + np.sin(2.7 * at_s) * np.sin(0.4 * at_s))
-    >>> found = estimate_offset(Motion(times, moved(times)), Motion(times, moved(times + 0.5)), where=Path("b.oni"))
+    >>> first, second = MotionSignal(times, moved(times)), MotionSignal(times, moved(times + 0.5))
+    >>> found = estimate_offset(first, second, where=Path("b.oni"))
     >>> round(found.seconds, 2)  # the second began half a second later: it shows earlier what both see
     0.5
 
@@ -175,7 +176,7 @@ def _refused(problem: str, where: Path) -> RecordingError:
     return RecordingError(problem, where=where, remedy="give the time between the sensors' first frames with --offset")
 
 
-def _resampled(motion: Motion) -> Floats:
+def _resampled(motion: MotionSignal) -> Floats:
     """Amounts at every step from time 0 on; empty if nothing moves."""
     if len(motion.times_s) < 2 or np.ptp(motion.amounts) == 0.0:
         return np.zeros(0)

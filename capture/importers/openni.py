@@ -29,7 +29,7 @@ from capture.importers.source import (
     DepthFrame,
     Frames,
     Source,
-    Stated,
+    UserCamera,
     check_size,
     damaged,
     no_depth,
@@ -88,7 +88,7 @@ class _Image:
     payload: bytes
 
 
-def open_oni(path: Path, stated: Stated) -> Source:
+def open_oni(path: Path, stated: UserCamera) -> Source:
     """A recording made with OpenNI.
 
     Raises:

@@ -14,7 +14,7 @@ import numpy as np
 
 from capture.camera import Camera
 from capture.errors import RecordingError
-from capture.importers.source import Frames, Source, Stated
+from capture.importers.source import Frames, Source, UserCamera
 from capture.recording import Colour, Sensor
 from capture.rigid import Floats, inverse
 
@@ -62,7 +62,7 @@ class Streams:
     clock: str = ""
 
 
-def as_source(streams: Streams, frames: Frames, path: Path, stated: Stated, *, count: int) -> Source:
+def as_source(streams: Streams, frames: Frames, path: Path, stated: UserCamera, *, count: int) -> Source:
     """The source that a file's streams and frames make.
 
     Raises:

@@ -23,7 +23,7 @@ from capture.importers.source import (
     DepthFrame,
     Frames,
     Source,
-    Stated,
+    UserCamera,
     check_size,
     damaged,
     no_depth,
@@ -38,7 +38,7 @@ _COLOUR_CHANNELS = {"rgb8": (3, [2, 1, 0]), "bgr8": (3, [0, 1, 2]), "rgba8": (4,
 """Encodings that are kept: bytes a pixel, and where blue, green and red stand."""
 
 
-def open_bag(path: Path, stated: Stated) -> Source:
+def open_bag(path: Path, stated: UserCamera) -> Source:
     """A recording by a RealSense SDK or its Viewer.
 
     Raises:

@@ -22,7 +22,7 @@ from capture.importers.source import (
     DepthFrame,
     Frames,
     Source,
-    Stated,
+    UserCamera,
     check_size,
     damaged,
     no_depth,
@@ -39,7 +39,7 @@ _DEPTH_HEADER_BYTES = 12
 _LARGEST_MESSAGE = 2**28
 
 
-def open_db3(path: Path, stated: Stated) -> Source:
+def open_db3(path: Path, stated: UserCamera) -> Source:
     """A recording by a RealSense SDK or its Viewer.
 
     Raises:

@@ -21,7 +21,7 @@ from capture.camera import Camera
 from capture.errors import RecordingError
 from capture.importers.images import source_files
 from capture.importers.names import named_times
-from capture.importers.source import NO_CLOCK, DepthFrame, Frames, Source, Stated, check_size, damaged
+from capture.importers.source import NO_CLOCK, DepthFrame, Frames, Source, UserCamera, check_size, damaged
 from capture.recording import Sensor
 
 _SIDE = "_metadata.csv"
@@ -47,7 +47,7 @@ def is_snapshots(folder: Path) -> bool:
     return any(_of(table).is_file() and read_head(table, len(_HEAD)) == _HEAD for table in folder.glob(f"*{_SIDE}"))
 
 
-def open_snapshots(folder: Path, stated: Stated) -> Source:
+def open_snapshots(folder: Path, stated: UserCamera) -> Source:
     """The depth snapshots of a folder, in the order of their times, or of their names if a rate is stated.
 
     Raises:

@@ -71,8 +71,10 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Stated:
-    """What the user states; it fills what a file does not tell and overrides what it does. None: nothing stated.
+class UserCamera:
+    """What the user states of a camera and its files, to fill what a file does not tell or override what it does.
+
+    Where a value is None, nothing is stated.
 
     Attributes:
         fx, fy, cx, cy: focal lengths and principal point (px) of the depth camera.

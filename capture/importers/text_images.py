@@ -23,7 +23,7 @@ from capture.importers.source import (
     LARGEST_READING,
     DepthFrame,
     Source,
-    Stated,
+    UserCamera,
     check_size,
     damaged,
     fine_unit,
@@ -49,7 +49,7 @@ def is_table(head: bytes) -> bool:
     return bool(_TABLE.fullmatch(head)) and any(byte in b"0123456789" for byte in head)
 
 
-def open_text(source: Path, stated: Stated) -> Source:
+def open_text(source: Path, stated: UserCamera) -> Source:
     """A table of depth, or a folder of them.
 
     Raises:
@@ -72,7 +72,7 @@ def open_text(source: Path, stated: Stated) -> Source:
     return source_of(named, sensor, _tables(named, first.shape, scale))
 
 
-def open_pgm(source: Path, stated: Stated) -> Source:
+def open_pgm(source: Path, stated: UserCamera) -> Source:
     """A PGM image, or a folder of them.
 
     Raises:

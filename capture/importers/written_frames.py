@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from capture.errors import RecordingError
-from capture.importers.parts import Parts
 from capture.importers.source import ColourFrame, DepthFrame, Source
+from capture.importers.time_ranges import Parts
 from capture.recording import RecordingWriter, Sensor
 
 _EARLY_COLOUR = 8

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from adapt.model.body import posed_bones
 from adapt.model.pose_space import reported_coordinates
 from adapt.subject import load_subject, save_subject
@@ -22,7 +22,7 @@ from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.recording import open_recording
 from track.export.gltf import write_gltf
 from track.observed_bones import known_thetas
-from track.run import track_recording
+from track.track_recording import track_recording
 
 
 def main(source: Path, out: Path) -> None:

@@ -21,7 +21,7 @@ from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy, write_anatomy
 from adapt.model.body import make_body
 from adapt.subject import Subject, load_subject, save_subject
-from capture.importers import Stated, open_source
+from capture.importers import UserCamera, open_source
 from capture.importers.openni_codec import decode, decode_with_table
 from capture.recording import colour_image, open_recording
 from capture.recording.read import read_calibration
@@ -30,7 +30,7 @@ from track.motion import Motion, load_motion, save_motion
 from track.poses_by_hand import HandPose, read_poses, write_poses
 
 FILES = Path(__file__).parents[1] / "sensor_files"
-STATED = Stated(fx=60.0, size=(16, 12))
+STATED = UserCamera(fx=60.0, size=(16, 12))
 MOST_FRAMES = 50
 
 
@@ -53,7 +53,7 @@ def _file(suffix: str, *seeds: str) -> Target:
 
 def exhaust(path: Path) -> None:
     """Open with and without a stated camera, and read the frames."""
-    for stated in (STATED, Stated()):
+    for stated in (STATED, UserCamera()):
         for count, _ in enumerate(open_source(path, stated).frames):
             if count == MOST_FRAMES:
                 break

@@ -29,15 +29,16 @@ _PATH = click.Path(path_type=Path)
 def batch_command(
     source: Path, out: Path, anatomy: str | None, workers: int, scheduler: str | None, retries: int
 ) -> None:
-    """Adapt and track all recordings of SOURCE: a folder, or a CSV of recording, anatomy, name, subject, region, near.
+    """Adapt and track all recordings of SOURCE: a folder, or a CSV file of them.
 
+    The file's columns are recording, anatomy, and if needed name, subject, region or near, height, mass, sex.
     Recordings of several sensors that were not calibrated are calibrated first. The same command goes on where it was
     stopped, and tries again what failed.
     """
     from rich.progress import Progress
 
     from track.batch.items import BatchError, read_items
-    from track.batch.run import TABLE, run_batch
+    from track.batch.run_batch import TABLE, run_batch
 
     items = read_items(source, anatomy=anatomy)
     with Progress(console=stdout, transient=True) as bar:

@@ -6,16 +6,19 @@ import csv
 import hashlib
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from capture.errors import BonetrackError
+from adapt.model.shape.population import ANYBODY, Person
+from capture.errors import BonetrackError, FitError
 
 _MARK = "recording.json"
 _NEEDED = {"recording", "anatomy"}
 _CONTENT = "content of the anatomy's file"
-_KNOWN = (*sorted(_NEEDED), "name", "near", "region", "subject")
+_PERSON = ("height", "mass", "sex")
+_KNOWN = (*sorted(_NEEDED), "name", "near", *_PERSON, "region", "subject")
 
 
 class BatchError(BonetrackError):
@@ -27,7 +30,8 @@ class Item:
     """One recording to be tracked, and under which name its results are kept.
 
     Without a ``subject`` the anatomy is adapted to the recording first. The ``region`` is x0 y0 z0 x1 y1 z1 (m), and
-    ``near`` a point x y z (m) that tells who of several is meant. Of an anatomy's file, ``content`` is a digest.
+    ``near`` a point x y z (m) that tells who of several is meant. Of an anatomy's file, ``content`` is a digest;
+    ``person`` is what is said of whoever is recorded.
     """
 
     name: str
@@ -37,14 +41,16 @@ class Item:
     region: tuple[float, ...] | None = None
     near: tuple[float, ...] | None = None
     content: str | None = None
+    person: Person = ANYBODY
 
     def described(self) -> dict[str, Any]:
-        """The item as JSON keeps it; a point and a content only where there is one, for earlier versions knew none."""
+        """The item as JSON keeps it; point, content and person only where there is one: earlier versions knew none."""
         subject = None if self.subject is None else str(self.subject)
         region = None if self.region is None else list(self.region)
         described = asdict(self) | {"recording": str(self.recording), "subject": subject, "region": region}
-        near, content = described.pop("near"), described.pop("content")
+        near, content, person = (described.pop(name) for name in ("near", "content", "person"))
         described |= {} if near is None else {"near": list(near)}
+        described |= {} if self.person.is_unknown else {"person": person}
         return described | ({} if content is None else {_CONTENT: content})
 
 
@@ -52,8 +58,9 @@ def read_items(source: Path, *, anatomy: str | None = None) -> list[Item]:
     """The items of a folder that holds recordings, or of a CSV file.
 
     A CSV file has the columns ``recording`` and ``anatomy``, and may have ``name`` (else the recording's folder name),
-    ``subject``, and ``region`` or ``near`` (six or three numbers, m, separated by spaces). Paths are relative to the
-    file's folder; an ``anatomy`` is a path where it ends in ``.npz``.
+    ``subject``, ``region`` or ``near`` (six or three numbers, m, separated by spaces), and ``height`` (m), ``mass``
+    (kg) and ``sex`` of the person. Paths are relative to the file's folder; an ``anatomy`` is a path where it ends in
+    ``.npz``.
 
     Args:
         source: the folder or the file.
@@ -122,6 +129,7 @@ def _item(line: dict[str, str | None], path: Path, number: int, anatomy: str | N
         _region(value["region"], where),
         _near(value["near"], where),
         stated[1],
+        _person([value[name] for name in _PERSON], where),
     )
 
 
@@ -156,6 +164,18 @@ def _near(text: str, where: str) -> tuple[float, ...] | None:
     if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
         raise BatchError(f"{text!r} is no point", where=where, remedy="give x y z in m")
     return numbers
+
+
+def _person(stated: Sequence[str], where: str) -> Person:
+    height, mass, sex = stated
+    numbers = [_numbers(text) for text in (height, mass)]
+    for text, found in zip((height, mass), numbers, strict=True):
+        if text and (len(found) != 1 or not math.isfinite(found[0])):
+            raise BatchError(f"{text!r} is no height and no mass", where=where, remedy="give m and kg")
+    try:
+        return Person(*(found[0] if found else None for found in numbers), sex or None)
+    except FitError as error:
+        raise BatchError(error.problem, where=where, remedy=error.remedy) from error
 
 
 def _numbers(text: str) -> tuple[float, ...]:

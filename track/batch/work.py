@@ -82,23 +82,27 @@ def adapt_and_track(item: Item, folder: Path) -> Row:
     """Adapt the item's anatomy, unless its subject is given or adapted already, and track it."""
     import numpy as np
 
+    from adapt.adapt_to_file import adapt_into
     from adapt.anatomy_file import load_anatomy
-    from adapt.run import adapt_into
+    from adapt.options import AdaptOptions
     from adapt.subject import load_subject
     from capture.cloud.region import automatic_region
     from capture.recording import Region, frames_used, open_recording
-    from track.run import track_recording
+    from track.options import TrackOptions
+    from track.track_recording import track_recording
 
     recording = _calibrated(open_recording(item.recording))
     region = None if item.region is None else Region(np.array(item.region[:3]), np.array(item.region[3:]))
     if item.near is not None:
         region = automatic_region(recording, near=np.array(item.near))
+    told: list[str] = []
     subject_file = item.subject or folder / "subject.npz"
     if item.subject is None and not subject_file.is_file():
-        adapt_into(subject_file, recording, load_anatomy(item.anatomy), region=region)
+        options = AdaptOptions(region=region, person=item.person)
+        adapt_into(subject_file, recording, load_anatomy(item.anatomy), options, told=told.append)
     subject = load_subject(subject_file, anatomy=item.anatomy)
-    motion = track_recording(recording, subject, folder / "motion", region=region)
-    return _row(item.name, motion, subject, frames_used(recording), recording.mended)
+    motion = track_recording(recording, subject, folder / "motion", TrackOptions(region=region), told=told.append)
+    return _row(item.name, motion, subject, frames_used(recording), [*recording.mended, *told])
 
 
 def _calibrated(recording: Recording) -> Recording:

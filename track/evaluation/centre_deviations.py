@@ -14,10 +14,10 @@ from collections.abc import Callable
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise
 from adapt.fit.pose import PoseFit
 from adapt.fit.posterior import pose_sensitivity
+from adapt.fit.problem import SIGMA_M
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, joint_centres, make_body
 from adapt.subject import Subject

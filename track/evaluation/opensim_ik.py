@@ -23,9 +23,9 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from adapt.model.body import Body, make_body, rest_theta
 from adapt.subject import Subject, load_subject, save_subject
 from capture.console import stdout
@@ -43,9 +43,9 @@ from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import Reconstruction, differences, reconstruction_of_poses
 from track.export.osim import write_osim
 from track.motion import Motion, load_motion
-from track.run import track_recording
 from track.simulation.performance import Performance
 from track.simulation.simulate import simulate_performance
+from track.track_recording import track_recording
 
 Bools = NDArray[np.bool_]
 

@@ -16,9 +16,9 @@ import click
 import numpy as np
 from rich.table import Table
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from adapt.subject import save_subject
 from capture.calibration.calibrate import calibrate_recording, write_calibration
 from capture.console import stdout
@@ -29,8 +29,8 @@ from capture.simulation.sensor import NoiseModel, carmine
 from track.accuracy.errors import evaluate_motion
 from track.evaluation.made_up_motions import motion_names, perform, perform_tables
 from track.evaluation.random_bodies import random_body
-from track.run import track_recording
 from track.simulation.simulate import simulate_performance
+from track.track_recording import track_recording
 
 NOISES = {"carmine": carmine(), "none": NoiseModel()}
 

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, bone_transforms, make_body, rest_theta
 from adapt.model.pose_space import free_coordinates
-from adapt.model.shape.prior import shape_precision
+from adapt.model.shape.prior import shape_prior
 from adapt.model.size import resized
 from adapt.template_builder.meshes import Mesh, compacted
 from capture.rigid import apply
@@ -89,7 +89,8 @@ def laid_on(anatomy: Anatomy, landmarks: Mapping[str, Floats], *, proportions: b
     """
     template = make_body(anatomy)
     start, n = rest_theta(template), len(anatomy.coordinates)
-    root = np.linalg.cholesky(shape_precision(anatomy, template.affine)).T
+    expected = shape_prior(anatomy, template.affine)
+    root = np.linalg.cholesky(expected.precision).T
     held = np.full(n, 0.1)  # per rad: what no landmark tells stays at rest
     held[np.concatenate(free_coordinates(anatomy))] = 1e-3
     index = {name: anatomy.landmark_index(name) for name in landmarks}
@@ -104,7 +105,7 @@ def laid_on(anatomy: Anatomy, landmarks: Mapping[str, Floats], *, proportions: b
         moved = bone_transforms(body, x[:n])
         ours = [apply(moved[LANDMARKS[k][0]], body.p.value[[i]])[0] for k, i in index.items()]
         far = (np.array(ours) - np.array(list(landmarks.values()))).ravel() / _LANDMARK_M
-        prior = root @ (x[n:] - template.shape) if proportions else np.zeros(0)
+        prior = root @ (x[n:] - expected.mean) if proportions else np.zeros(0)
         return np.concatenate([far, held * (x[:n] - start), prior])
 
     shape = template.shape if proportions else np.array([_size(anatomy, landmarks)])

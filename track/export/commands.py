@@ -31,9 +31,10 @@ def export_command(source: Path, subject: Path | None, frame: int | None, gltf: 
     from capture.own import refuse_foreign
     from track.export.files import export_motion, export_subject
     from track.export.glb import MARK
-    from track.motion import MotionError, load_motion
+    from track.motion import MotionError, load_motion, refuse_recording
 
     if source.is_dir():
+        refuse_recording(source)
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
         if gltf:

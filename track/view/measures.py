@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from adapt.anatomy import Bone, Floats, Ints
+from adapt.fit.posterior import deviation_along
 from adapt.model.body import make_body
 from adapt.model.frames import landmark_mean
 from adapt.subject import Subject
@@ -54,11 +55,10 @@ def lengths(subject: Subject) -> list[Length]:
     ('humerus', 'middle of EM and EL to GH', 0.281, True)
     """
     template = _template(subject)
-    m = len(subject.body.shape)  # what follows it in the covariance is soft tissue, which bones do not depend on
     rows = []
     for bone in subject.anatomy.bones:
         length, gradient = _length(subject, bone)
-        spread = float(np.sqrt(np.maximum(gradient @ subject.covariance[:m, :m] @ gradient, 0.0)))
+        spread = deviation_along(subject.covariance, gradient)
         ends = f"{_names(bone.frame.y_from)} to {_names(bone.frame.y_to)}"
         rows.append(Length(bone.name, ends, length, spread, _length(template, bone)[0]))
     return rows

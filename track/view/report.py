@@ -9,8 +9,8 @@ import numpy as np
 
 from adapt.subject import Subject, doubts
 from capture.own import HTML, refuse_foreign, replaced_if_own
+from capture.provenance import sensors_in_words
 from capture.recording import Recording
-from capture.settings import sensors_in_words
 from track.accuracy.errors import evaluate_motion
 from track.belonging import tracked_elsewhere
 from track.motion import Motion

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from capture.provenance import version_of, versions
 from capture.recording import Recording
-from capture.settings import version_of, versions
 from track.view.page import paragraph, table
 from track.view.report_motion import motion_of, subject_of
 from track.view.scene import Scene

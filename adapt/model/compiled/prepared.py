@@ -7,14 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Ints
+from adapt.anatomy import Anatomy, Floats
+from adapt.model.compiled.at_rest import put_into_frames
 from adapt.model.compiled.chain import Chain
-from adapt.model.compiled.layout import RIGID, TURNING, Layout
+from adapt.model.compiled.layout import BoundSkin, Varying
 from adapt.model.compiled.rows import Row
-from adapt.model.compiled.shaped_skin import Varying
-from adapt.model.compiled.skin import BoundSkin
-from adapt.model.deformers import DEFORMER_TYPES, bind
-from adapt.model.deformers.deformer_type import Bound
+from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.derivatives import Points
 from adapt.model.joints import JOINT_TYPES
 
@@ -51,63 +49,51 @@ def prepare_chain(anatomy: Anatomy, p: Points) -> Chain:
     )
 
 
-def _room_for(anatomy: Anatomy, weights: Floats) -> BoundSkin:
-    """Room for vertices whose deformers have ``weights`` (V, D), all of them rigid so far."""
+def prepare_skin(anatomy: Anatomy, p: Points, rest: Points, weights: Floats) -> tuple[BoundSkin, Varying]:
+    """Rest vertices (V, 3) whose deformers have ``weights`` (V, D), and how they vary, with whatever landmarks do.
+
+    Where nothing varies, landmarks and vertices have no columns.
+    """
+    skin, by = _room_for(anatomy, rest, weights)
+    for d, deformer in enumerate(anatomy.deformers):
+        touched = np.flatnonzero(weights[:, d])
+        rows = touched if len(touched) < _WORTH_PICKING * len(weights) else slice(None)
+        laid = DEFORMER_TYPES[deformer.type].layout(anatomy, deformer.frames, p, rest.at(rows))
+        skin.kind[d], skin.axis[d], by.axis[d] = laid.kind, laid.axis, laid.d_axis
+        skin.t[d, rows], skin.width[d, rows] = laid.t, laid.width
+        by.t[d, rows], by.width[d, rows] = laid.d_t, laid.d_width
+        for end, frame in enumerate(laid.ends):
+            skin.frame_rotation[d, end], skin.frame_translation[d, end] = frame.rotation, frame.translation
+            by.frame_rotation[d, end], by.frame_translation[d, end] = frame.d_rotation, frame.d_translation
+    put_into_frames(skin, by)
+    return skin, by
+
+
+def _room_for(anatomy: Anatomy, rest: Points, weights: Floats) -> tuple[BoundSkin, Varying]:
+    """Room for vertices, all of them rigid so far."""
     order = [bone.name for bone in anatomy.bones]
-    count, vertices = weights.shape[1], len(weights)
-    return BoundSkin(
+    (vertices, count), m = weights.shape, rest.n
+    skin = BoundSkin(
         kind=np.zeros(count, dtype=np.int64),
         bones=np.array([[order.index(d.bones[0]), order.index(d.bones[-1])] for d in anatomy.deformers]),
         weights=np.ascontiguousarray(weights),
-        local=np.zeros((count, vertices, 3)),
+        local=np.tile(rest.value, (count, 1, 1)),
         t=np.zeros((count, vertices)),
         width=np.ones((count, vertices)),
         frame_rotation=np.tile(np.eye(3), (count, 2, 1, 1)),
         frame_translation=np.zeros((count, 2, 3)),
         axis=np.zeros((count, 3)),
     )
-
-
-def prepare_skin(anatomy: Anatomy, bound: Sequence[Bound]) -> BoundSkin:
-    """Rest skin bound to each deformer, as it is when only the pose varies."""
-    skin = _room_for(anatomy, anatomy.deformer_weights)
-    for d, (deformer, one) in enumerate(zip(anatomy.deformers, bound, strict=True)):
-        _lay_out(skin, d, slice(None), DEFORMER_TYPES[deformer.type].layout(one))
-    return skin
-
-
-def prepare_varying_skin(anatomy: Anatomy, p: Points, rest: Points, weights: Floats) -> tuple[BoundSkin, Varying]:
-    """Rest vertices (V, 3) whose deformers have ``weights`` (V, D), and how they vary, with whatever landmarks do."""
-    skin, count, m = _room_for(anatomy, weights), len(anatomy.deformers), p.n
     by = Varying(
         rest=np.ascontiguousarray(rest.d),
-        local=np.zeros((count, len(weights), 3, m)),
-        t=np.zeros((count, len(weights), m)),
-        width=np.zeros((count, len(weights), m)),
+        local=np.zeros((count, vertices, 3, m)),
+        t=np.zeros((count, vertices, m)),
+        width=np.zeros((count, vertices, m)),
         frame_rotation=np.zeros((count, 2, 3, m)),
         frame_translation=np.zeros((count, 2, 3, m)),
         axis=np.zeros((count, 3, m)),
     )
-    for d, deformer in enumerate(anatomy.deformers):
-        touched = np.flatnonzero(weights[:, d])
-        rows = touched if len(touched) < _WORTH_PICKING * len(weights) else slice(None)
-        laid = DEFORMER_TYPES[deformer.type].layout(bind(anatomy, deformer, p, rest.at(rows)))
-        _lay_out(skin, d, rows, laid)
-        if laid.kind == TURNING:
-            by.local[d, rows] = laid.d_local
-        if laid.kind != RIGID:
-            by.t[d, rows], by.width[d, rows], by.axis[d] = laid.d_t, laid.d_width, laid.d_axis
-        for end, frame in enumerate(laid.ends):
-            by.frame_rotation[d, end], by.frame_translation[d, end] = frame.d_rotation, frame.d_translation
     return skin, by
-
-
-def _lay_out(skin: BoundSkin, d: int, rows: Ints | slice, laid: Layout) -> None:
-    """Puts what one deformer made of some rows among the arrays."""
-    skin.kind[d], skin.axis[d] = laid.kind, laid.axis
-    skin.local[d, rows], skin.t[d, rows], skin.width[d, rows] = laid.local, laid.t, laid.width
-    for end, frame in enumerate(laid.ends):
-        skin.frame_rotation[d, end], skin.frame_translation[d, end] = frame.rotation, frame.translation
 
 
 class _Step(NamedTuple):

@@ -1,7 +1,12 @@
 """Skin that rides on moved bones, vertex by vertex, with its derivatives if asked: the code that runs.
 
-The equations stand where the types of deformers are, and a type's ``layout`` says which of the loops here runs them:
+The equations stand where the types of deformers are, and a type's ``layout`` says which of the kinds here it is:
 TURNING is the forearm's (adapt.model.deformers.forearm), BENDING the bend's (adapt.model.deformers.bend).
+
+A vertex varies with theta, and with the body's parameters in two ways: its bones do, for their joints are elsewhere,
+and so does what it brings itself, its place at rest and in its deformer's frames. For the former all columns are alike,
+the latter are the last m. Rows of derivatives are long, x, y and z one after the other: where many arrays meet in one
+loop, the machine would check again and again whether they overlap, or give up and take number by number.
 """
 
 from __future__ import annotations
@@ -12,226 +17,275 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
+from adapt.model.compiled.between import Between, frames_between
 from adapt.model.compiled.chain import Bones, Chain, move_bones
-from adapt.model.compiled.layout import BENDING, RIGID, TURNING
-from adapt.model.compiled.rotations import add_cross, add_product, inverse_left_jacobian, length, log, turn
-from capture.compiled import compiled
-from capture.rigid import hat, log_so3
+from adapt.model.compiled.layout import BENDING, RIGID, TURNING, BoundSkin, Varying
+from capture.compiled import compiled_sums
 
 _ONSET, _CREASE = 0.09, 0.3  # of adapt.model.deformers.bend
+_AT_ONCE = 128  # vertices whose derivatives stay near the processor while one deformer after the other adds to them
 
 
-class BoundSkin(NamedTuple):
-    """V vertices at rest as each of D deformers wants them: see ``Layout``."""
+class _Room(NamedTuple):
+    """What is worked out for up to N vertices at once that ride on the frames between two bones."""
 
-    kind: Ints  # (D,)
-    bones: Ints  # (D, 2)
-    weights: Floats  # (V, D)
-    local: Floats  # (D, V, 3): at rest; of a forearm, in the blended frames
-    t: Floats  # (D, V)
-    width: Floats  # (D, V) of a bend
-    frame_rotation: Floats  # (D, 2, 3, 3): the two frames at rest; of a bend, the centre with no rotation
-    frame_translation: Floats  # (D, 2, 3)
-    axis: Floats  # (D, 3) of a bend
-
-
-class Between(NamedTuple):
-    """What the frames between two bones are combined from (deformers.between), and how far a bend is bent."""
-
-    origin: Floats  # (2, 3), shares 1, t
-    rotation: Floats  # (3, 3, 3), shares 1, sin(t angle), versine(t angle)
-    d_origin: Floats  # (2, 3, n)
-    d_rotation: Floats  # (6, 3, n), shares 1, sin, versine, t, versine / angle, t - sin / angle
-    inward: Floats  # (3,)
-    d_inward: Floats  # (3, n)
-    angle_and_mitre: Floats  # (2,): |rho|, m
-    d_mitre: Floats  # (n,)
+    row: Ints  # (N,) which of the vertices at hand
+    vertex: Ints  # (N,)
+    order: Ints  # (N,) 0, 1, 2 and so on
+    share: Floats  # (N, 4): weight, t, sin(t angle), versine(t angle)
+    squeeze: Floats  # (N, 3) of a bend: k by q . inward, k by the mitre, k - 1
+    bare: Floats  # (N, 3) the place in the frames
+    arm: Floats  # (N, 3) the same, squeezed
+    across: Floats  # (N, 3) the way in which it evades
+    reach: Floats  # (N, 3) the arm where the frames carry it, by the weight
+    rotation: Floats  # (N, 9) that carries it, by the weight
+    d_arm: Floats  # (N, 3, m)
 
 
-def pose_rows(chain: Chain, skin: BoundSkin, theta: Floats, rows: Ints, *, varying: bool) -> tuple[Floats, Floats]:
-    """Posed vertices (M, 3) m of some rows of the skin and, if ``varying``, their derivatives (M, 3, n) by theta."""
+def pose_rows(
+    chain: Chain, skin: BoundSkin, by: Varying, theta: Floats, rows: Ints, *, varying: bool
+) -> tuple[Floats, Floats]:
+    """Posed vertices (M, 3) m of some rows of the skin and, if ``varying``, their derivatives (M, 3, n + m).
+
+    Those by theta come first, then those by the body's parameters.
+    """
     bones = move_bones(chain, theta)
-    value, d = np.zeros((len(rows), 3)), np.zeros((len(rows) if varying else 0, 3, len(theta)))
-    for deformer, kind in enumerate(skin.kind):
-        if kind != TURNING:
-            add_rigid(bones, skin, deformer, rows, value, d)
-        if kind != RIGID:
-            add_between(between(bones, skin, deformer), skin, deformer, rows, value, d)
+    n = bones.d_rotation.shape[2]
+    value, d = np.zeros((len(rows), 3)), np.zeros((len(rows) if varying else 0, 3, n))
+    flat = d.reshape(len(d), 3 * n)
+    room = _room(_AT_ONCE, by.axis.shape[2])
+    _pose(bones, _by_arms(bones), frames_between(bones, skin, by), skin, by, room, rows, value, flat)
     return value, d
 
 
-@compiled
-def add_rigid(bones: Bones, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
+def _by_arms(bones: Bones) -> Floats:
+    """What a point that rides on a bone varies by: (B, 4, 3 n), shares 1, then x, y, z of R times the point."""
+    count, _, n = bones.d_rotation.shape
+    by = np.zeros((count, 4, 3, n))
+    by[:, 0] = bones.d_translation
+    for j in range(3):
+        k, i = (j + 1) % 3, (j + 2) % 3
+        by[:, 1 + j, k], by[:, 1 + j, i] = bones.d_rotation[:, i], -bones.d_rotation[:, k]
+    return by.reshape(count, 4, 3 * n)
+
+
+def _room(n: int, m: int) -> _Room:
+    """Room for n vertices that vary with m parameters."""
+    squeeze, bare, arm, across, reach = np.zeros((5, n, 3))
+    rotation, d_arm, order = np.zeros((n, 9)), np.zeros((n, 3, m)), np.arange(n)
+    share = np.zeros((n, 4))
+    return _Room(order.copy(), order.copy(), order, share, squeeze, bare, arm, across, reach, rotation, d_arm)
+
+
+@compiled_sums
+def _pose(
+    bones: Bones,
+    by_arms: Floats,
+    g: Between,
+    skin: BoundSkin,
+    by: Varying,
+    room: _Room,
+    rows: Ints,
+    value: Floats,
+    d: Floats,
+) -> None:
+    rides, varying, m = np.zeros((_AT_ONCE, 9)), len(d) > 0, by.axis.shape[2]
+    for start in range(0, len(rows), _AT_ONCE):
+        some, v, dv = rows[start : start + _AT_ONCE], value[start : start + _AT_ONCE], d[start : start + _AT_ONCE]
+        rides[:] = 0.0
+        for e in range(len(skin.kind)):
+            if skin.kind[e] != TURNING:
+                _add_riding(bones, by_arms, skin, e, some, rides, v, dv)
+            if skin.kind[e] == RIGID:
+                continue
+            count = _find_arms(g, skin, e, some, room, v)
+            if varying:
+                _add_swung(g.d_rotation, g.d_origin, g.angle[e], e, count, room, dv)
+            if varying and skin.kind[e] == BENDING:
+                _add_evading(g.d_inward, g.d_mitre, e, count, room, dv)
+            if varying and m > 0:
+                _add_own(g, skin, by, e, count, room, dv)
+        if varying and m > 0:
+            _add_turned(rides, by.rest, some, room.order, len(some), dv)
+
+
+@compiled_sums
+def _add_riding(
+    bones: Bones, by_arms: Floats, skin: BoundSkin, e: int, rows: Ints, rides: Floats, value: Floats, d: Floats
+) -> None:
     """Rows that ride on one bone: all of a rigid deformer's, and those before and beyond a bend."""
     for m in range(len(rows)):
         i = rows[m]
-        w, t = skin.weights[i, deformer], skin.t[deformer, i]
+        w, t = skin.weights[i, e], skin.t[e, i]
         if w == 0.0 or 0.0 < t < 1.0:
             continue
-        bone = skin.bones[deformer, int(t)]
-        a, b, c = skin.local[deformer, i, 0], skin.local[deformer, i, 1], skin.local[deformer, i, 2]
-        x = bones.rotation[bone, 0, 0] * a + bones.rotation[bone, 0, 1] * b + bones.rotation[bone, 0, 2] * c
-        y = bones.rotation[bone, 1, 0] * a + bones.rotation[bone, 1, 1] * b + bones.rotation[bone, 1, 2] * c
-        z = bones.rotation[bone, 2, 0] * a + bones.rotation[bone, 2, 1] * b + bones.rotation[bone, 2, 2] * c
-        value[m, 0] += w * (x + bones.translation[bone, 0])
-        value[m, 1] += w * (y + bones.translation[bone, 1])
-        value[m, 2] += w * (z + bones.translation[bone, 2])
+        bone = skin.bones[e, int(t)]
+        a, b, c = skin.local[e, i, 0], skin.local[e, i, 1], skin.local[e, i, 2]
+        x = w * (bones.rotation[bone, 0, 0] * a + bones.rotation[bone, 0, 1] * b + bones.rotation[bone, 0, 2] * c)
+        y = w * (bones.rotation[bone, 1, 0] * a + bones.rotation[bone, 1, 1] * b + bones.rotation[bone, 1, 2] * c)
+        z = w * (bones.rotation[bone, 2, 0] * a + bones.rotation[bone, 2, 1] * b + bones.rotation[bone, 2, 2] * c)
+        value[m, 0] += x + w * bones.translation[bone, 0]
+        value[m, 1] += y + w * bones.translation[bone, 1]
+        value[m, 2] += z + w * bones.translation[bone, 2]
         if len(d) == 0:
             continue
-        spin, glide = bones.d_rotation[bone], bones.d_translation[bone]
-        for k in range(d.shape[2]):
-            d[m, 0, k] += w * (glide[0, k] + spin[1, k] * z - spin[2, k] * y)
-            d[m, 1, k] += w * (glide[1, k] + spin[2, k] * x - spin[0, k] * z)
-            d[m, 2, k] += w * (glide[2, k] + spin[0, k] * y - spin[1, k] * x)
+        for k in range(d.shape[1]):
+            turned = x * by_arms[bone, 1, k] + y * by_arms[bone, 2, k] + z * by_arms[bone, 3, k]
+            d[m, k] += w * by_arms[bone, 0, k] + turned
+        for j in range(3):
+            for k in range(3):
+                rides[m, 3 * j + k] += w * bones.rotation[bone, j, k]
 
 
-@compiled
-def add_between(g: Between, skin: BoundSkin, deformer: int, rows: Ints, value: Floats, d: Floats) -> None:
-    """Rows that ride on the frames between two bones."""
-    origin, angle, n = g.origin, g.angle_and_mitre[0], d.shape[2]
-    # Long rows, one after the other: for short ones the machine checks again and again whether arrays overlap.
-    spin, glide = g.d_rotation.reshape(6, 3 * n), g.d_origin.reshape(2, 3 * n)
-    turned, moved = np.zeros(3 * n), np.zeros(3 * n)
-    bend = skin.kind[deformer] == BENDING
-    blended, arm, across = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    by_reach, by_mitre = 0.0, 0.0
+@compiled_sums
+def _add_turned(r: Floats, x: Floats, vertex: Ints, row: Ints, count: int, d: Floats) -> None:
+    """Adds r @ x for r (N, 9) and x (N, 3, m) of so many vertices to the last m columns of their rows."""
+    m, n = x.shape[2], d.shape[1] // 3
+    for at in range(count):
+        i, to = vertex[at], row[at]
+        for j in range(3):
+            first, a, b, c = j * n + n - m, r[at, 3 * j], r[at, 3 * j + 1], r[at, 3 * j + 2]
+            for k in range(m):
+                d[to, first + k] += a * x[i, 0, k] + b * x[i, 1, k] + c * x[i, 2, k]
+
+
+@compiled_sums
+def _find_arms(g: Between, skin: BoundSkin, e: int, rows: Ints, room: _Room, value: Floats) -> int:
+    """Lists the rows that ride on the frames between two bones, where they are in them, and adds where that is."""
+    bend, at, r = skin.kind[e] == BENDING, 0, room.rotation
     for m in range(len(rows)):
         i = rows[m]
-        w, t = skin.weights[i, deformer], skin.t[deformer, i]
+        w, t = skin.weights[i, e], skin.t[e, i]
         if w == 0.0 or (bend and not 0.0 < t < 1.0):
             continue
-        s, v = math.sin(angle * t), 1.0 - math.cos(angle * t)
+        sine, versine = math.sin(g.angle[e] * t), 1.0 - math.cos(g.angle[e] * t)
+        room.row[at], room.vertex[at] = m, i
+        room.share[at, 0], room.share[at, 1], room.share[at, 2], room.share[at, 3] = w, t, sine, versine
         for j in range(3):
-            arm[j] = skin.local[deformer, i, j] - (skin.frame_translation[deformer, 0, j] if bend else 0.0)
-            for k in range(3):
-                blended[j, k] = g.rotation[0, j, k] + s * g.rotation[1, j, k] + v * g.rotation[2, j, k]
+            room.bare[at, j] = skin.local[e, i, j] - (skin.frame_translation[e, 0, j] if bend else 0.0)
+            room.arm[at, j] = room.bare[at, j]
         if bend:
-            by_reach, by_mitre, _ = squeeze(g, skin.axis[deformer], t, skin.width[deformer, i], arm, across)
-        x = blended[0, 0] * arm[0] + blended[0, 1] * arm[1] + blended[0, 2] * arm[2]
-        y = blended[1, 0] * arm[0] + blended[1, 1] * arm[1] + blended[1, 2] * arm[2]
-        z = blended[2, 0] * arm[0] + blended[2, 1] * arm[1] + blended[2, 2] * arm[2]
-        value[m, 0] += w * (origin[0, 0] + t * origin[1, 0] + x)
-        value[m, 1] += w * (origin[0, 1] + t * origin[1, 1] + y)
-        value[m, 2] += w * (origin[0, 2] + t * origin[1, 2] + z)
-        if len(d) == 0:
-            continue
-        swing, lag = v / angle, t - s / angle
-        for k in range(3 * n):
-            turned[k] = spin[0, k] + s * spin[1, k] + v * spin[2, k]
-            turned[k] += t * spin[3, k] + swing * spin[4, k] + lag * spin[5, k]
-            moved[k] = glide[0, k] + t * glide[1, k]
-        for k in range(n):
-            p, q, r = turned[k], turned[n + k], turned[2 * n + k]
-            d[m, 0, k] += w * (moved[k] + q * z - r * y)
-            d[m, 1, k] += w * (moved[n + k] + r * x - p * z)
-            d[m, 2, k] += w * (moved[2 * n + k] + p * y - q * x)
-        if by_mitre > 0.0:
-            turn(blended, across, arm)  # where the evasion leads to
-            for k in range(d.shape[2]):
-                reach = 0.0
-                for j in range(3):
-                    q_j = skin.local[deformer, i, j] - skin.frame_translation[deformer, 0, j]
-                    reach += q_j * g.d_inward[j, k]
-                gain = w * (by_reach * reach + by_mitre * g.d_mitre[k])
-                for j in range(3):
-                    d[m, j, k] += gain * arm[j]
+            _squeeze(g, skin, e, i, at, room)
+        a, b, c = room.arm[at, 0], room.arm[at, 1], room.arm[at, 2]
+        for j in range(3):
+            for k in range(3):
+                turned = g.rotation[e, 0, j, k] + sine * g.rotation[e, 1, j, k] + versine * g.rotation[e, 2, j, k]
+                r[at, 3 * j + k] = w * turned
+            room.reach[at, j] = r[at, 3 * j] * a + r[at, 3 * j + 1] * b + r[at, 3 * j + 2] * c
+            value[m, j] += room.reach[at, j] + w * (g.origin[e, 0, j] + t * g.origin[e, 1, j])
+        at += 1
+    return at
 
 
-@compiled
-def squeeze(g: Between, u: Floats, t: float, width: float, arm: Floats, across: Floats) -> tuple[float, float, float]:
-    """Turns an ``arm`` q of a bend into q + (k - 1) q_across, and says q_across.
+@compiled_sums
+def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: _Room) -> None:
+    """Turns an arm q of a bend into q + (k - 1) q_across, and says q_across.
 
-    Returns the derivatives of k by q . inward and by the mitre, and k - 1: all 0 where slices do not close up.
+    And how k varies with q . inward and with the mitre, and k - 1: all 0 where slices do not close up.
     """
-    s = (arm[0] * g.inward[0] + arm[1] * g.inward[1] + arm[2] * g.inward[2]) / width
+    arm, t, width = room.arm, room.share[at, 1], skin.width[e, i]
+    for k in range(3):
+        room.squeeze[at, k], room.across[at, k] = 0.0, 0.0
+    s = (arm[at, 0] * g.inward[e, 0] + arm[at, 1] * g.inward[e, 1] + arm[at, 2] * g.inward[e, 2]) / width
     if s <= 0.0:
-        return 0.0, 0.0, 0.0
-    along, mitre = arm[0] * u[0] + arm[1] * u[1] + arm[2] * u[2], g.angle_and_mitre[1]
-    hump, square = 4.0 * t * (1.0 - t), s * s
+        return
+    along = arm[at, 0] * skin.axis[e, 0] + arm[at, 1] * skin.axis[e, 1] + arm[at, 2] * skin.axis[e, 2]
+    mitre, hump, square = g.mitre[e], 4.0 * t * (1.0 - t), s * s
     onset, over = square / (square + _ONSET), 1.0 + square * square
     f = (mitre * onset - _CREASE * square * square) / over
     d_onset = 2.0 * s * _ONSET / (square + _ONSET) ** 2
     by_s = (mitre * d_onset - 4.0 * _CREASE * s * square - 4.0 * f * s * square) / over
     for k in range(3):
-        across[k] = arm[k] - along * u[k]
-        arm[k] += hump * f * across[k]
-    return hump * by_s / width, hump * onset / over, hump * f
+        room.across[at, k] = arm[at, k] - along * skin.axis[e, k]
+        arm[at, k] += hump * f * room.across[at, k]
+    room.squeeze[at, 0], room.squeeze[at, 1], room.squeeze[at, 2] = hump * by_s / width, hump * onset / over, hump * f
 
 
-def between(bones: Bones, skin: BoundSkin, deformer: int) -> Between:
-    """The frames between a deformer's two bones: all turn about the one axis rho (``blended_frames``)."""
-    n = bones.d_rotation.shape[2]
-    g = Between(
-        np.zeros((2, 3)),
-        np.zeros((3, 3, 3)),
-        np.zeros((2, 3, n)),
-        np.zeros((6, 3, n)),
-        np.zeros(3),
-        np.zeros((3, n)),
-        np.zeros(2),
-        np.zeros(n),
-    )
-    first, second = skin.bones[deformer]
-    _fill_origins(bones, first, second, skin.frame_translation[deformer], g, np.zeros(3))
-    ends = np.zeros((3, 3, 3))  # the two frames' rotations, and the turn between them
-    add_product(bones.rotation[first], skin.frame_rotation[deformer, 0], ends[0])
-    add_product(bones.rotation[second], skin.frame_rotation[deformer, 1], ends[1])
-    add_product(ends[1], np.ascontiguousarray(ends[0].T), ends[2])
-    _fill_rotations(bones.d_rotation[first], bones.d_rotation[second], ends, g, np.zeros(3), np.zeros((3, 3)))
-    if skin.kind[deformer] == BENDING:
-        _fill_bend(bones.rotation[first], bones.d_rotation[first], skin.axis[deformer], ends[2], g)
-    return g
-
-
-@compiled
-def _fill_origins(bones: Bones, first: int, second: int, at_rest: Floats, g: Between, carried: Floats) -> None:
-    """Origin of the first frame, and the way from it to the second's, with derivatives."""
-    for end in range(2):
-        bone = first if end == 0 else second
-        turn(bones.rotation[bone], at_rest[end], carried)
-        add_cross(carried, bones.d_rotation[bone], -1.0, g.d_origin[end])
-        for i in range(3):
-            g.origin[end, i] = bones.translation[bone, i] + carried[i]
-            for c in range(g.d_origin.shape[2]):
-                g.d_origin[end, i, c] += bones.d_translation[bone, i, c]
-    for i in range(3):
-        g.origin[1, i] -= g.origin[0, i]
-        for c in range(g.d_origin.shape[2]):
-            g.d_origin[1, i, c] -= g.d_origin[0, i, c]
-
-
-@compiled
-def _fill_rotations(first: Floats, second: Floats, ends: Floats, g: Between, axis: Floats, inverse: Floats) -> None:
-    """Powers of K times the first rotation, and times what it and rho vary by; ``first`` and ``second`` are d_R."""
-    n = first.shape[1]
-    log(ends[2], axis)
-    angle = length(axis)
-    inverse_left_jacobian(axis, inverse)
-    g.angle_and_mitre[0] = angle if angle > 0.0 else 1.0  # without a twist K is 0, and any angle will do
-    add_product(ends[2], first, g.d_rotation[4])
-    for i in range(3):
-        axis[i] /= g.angle_and_mitre[0]
-        for c in range(n):
-            g.d_rotation[5, i, c] = second[i, c] - g.d_rotation[4, i, c]
-            g.d_rotation[0, i, c] = first[i, c]
+@compiled_sums
+def _add_swung(spin: Floats, glide: Floats, angle: float, e: int, count: int, room: _Room, d: Floats) -> None:
+    """What vertices vary by with the frames, for the same shares t and the same arms."""
+    n = d.shape[1] // 3
+    turned, moved = np.zeros(3 * n), np.zeros(3 * n)
+    for at in range(count):
+        w, t, sine, versine = room.share[at, 0], room.share[at, 1], room.share[at, 2], room.share[at, 3]
+        swing, lag, to = versine / angle, t - sine / angle, room.row[at]
+        for k in range(3 * n):
+            turned[k] = spin[e, 0, k] + sine * spin[e, 1, k] + versine * spin[e, 2, k]
+            turned[k] += t * spin[e, 3, k] + swing * spin[e, 4, k] + lag * spin[e, 5, k]
+        for k in range(3 * n):
+            moved[k] = w * (glide[e, 0, k] + t * glide[e, 1, k])
         for j in range(3):
-            g.rotation[0, i, j] = ends[0, i, j]
-    add_product(inverse, g.d_rotation[5], g.d_rotation[3])  # d_rho
-    for i in range(3):
-        for c in range(n):
-            g.d_rotation[4, i, c], g.d_rotation[5, i, c] = 0.0, 0.0
-    for power in range(1, 3):
-        add_cross(axis, g.rotation[power - 1], 1.0, g.rotation[power])
-        add_cross(axis, g.d_rotation[power - 1], 1.0, g.d_rotation[power])
-        add_cross(axis, g.d_rotation[2 + power], 1.0, g.d_rotation[3 + power])
+            p, q = (j + 1) % 3, (j + 2) % 3
+            a, b = room.reach[at, q], room.reach[at, p]
+            for k in range(n):
+                d[to, j * n + k] += moved[j * n + k] + a * turned[p * n + k] - b * turned[q * n + k]
 
 
-def _fill_bend(rotation: Floats, d_rotation: Floats, u: Floats, turned: Floats, g: Between) -> None:
-    """How far a bend is bent, as its first bone sees it at rest: inward = R_1^T rho x u, and the mitre."""
-    rho = log_so3(turned)
-    at_rest = rotation.T @ rho
-    d_at_rest = rotation.T @ (g.d_rotation[3] + hat(rho) @ d_rotation)
-    h = float(at_rest @ at_rest) / 8.0
-    g.angle_and_mitre[1], g.d_mitre[:] = h * (1.0 + h), (1.0 + 2.0 * h) * (at_rest @ d_at_rest) / 4.0
-    g.inward[:] = hat(at_rest) @ u
-    g.d_inward[:] = hat(-u) @ d_at_rest
+@compiled_sums
+def _add_evading(d_inward: Floats, d_mitre: Floats, e: int, count: int, room: _Room, d: Floats) -> None:
+    """What a bend's tissue evades by when the joint bends further."""
+    n, r = d.shape[1] // 3, room.rotation
+    gain = np.zeros(n)
+    for at in range(count):
+        by_reach, by_mitre, to = room.squeeze[at, 0], room.squeeze[at, 1], room.row[at]
+        if by_mitre == 0.0:
+            continue
+        a, b, c = by_reach * room.bare[at, 0], by_reach * room.bare[at, 1], by_reach * room.bare[at, 2]
+        for k in range(n):
+            reach = a * d_inward[e, 0, k] + b * d_inward[e, 1, k] + c * d_inward[e, 2, k]
+            gain[k] = reach + by_mitre * d_mitre[e, k]
+        a, b, c = room.across[at, 0], room.across[at, 1], room.across[at, 2]
+        for j in range(3):
+            led = r[at, 3 * j] * a + r[at, 3 * j + 1] * b + r[at, 3 * j + 2] * c  # where the evasion leads to
+            for k in range(n):
+                d[to, j * n + k] += led * gain[k]
+
+
+@compiled_sums
+def _add_own(g: Between, skin: BoundSkin, by: Varying, e: int, count: int, room: _Room, d: Floats) -> None:
+    """What the vertices bring themselves: R(t) d_arm + (R(t) arm + o(t))' dt."""
+    if skin.kind[e] == BENDING:
+        _fill_arms(g.inward, skin, by, e, count, room)
+        _add_turned(room.rotation, room.d_arm, room.order, room.row, count, d)
+    else:
+        _add_turned(room.rotation, by.local[e], room.vertex, room.row, count, d)
+    n, m, angle = d.shape[1] // 3, by.t.shape[2], g.angle[e]
+    for at in range(count):
+        w, sine, cosine = room.share[at, 0], room.share[at, 2], 1.0 - room.share[at, 3]
+        i, to = room.vertex[at], room.row[at]
+        for j in range(3):
+            by_t = w * g.origin[e, 1, j]
+            for k in range(3):
+                slope = cosine * g.rotation[e, 1, j, k] + sine * g.rotation[e, 2, j, k]
+                by_t += w * angle * slope * room.arm[at, k]
+            for k in range(m):
+                d[to, j * n + n - m + k] += by_t * by.t[e, i, k]
+
+
+@compiled_sums
+def _fill_arms(inward: Floats, skin: BoundSkin, by: Varying, e: int, count: int, room: _Room) -> None:
+    """How a bend's squeezed arms q + (k - 1) q_across vary with the body, for the same turn of the joint."""
+    u, du, centre, d_arm, m = skin.axis, by.axis, by.frame_translation, room.d_arm, by.axis.shape[2]
+    change, d_along = np.zeros(m), np.zeros(m)
+    for at in range(count):
+        i, t, by_reach, gain = room.vertex[at], room.share[at, 1], room.squeeze[at, 0], room.squeeze[at, 2]
+        for j in range(3):
+            for k in range(m):
+                d_arm[at, j, k] = by.rest[i, j, k] - centre[e, 0, j, k]
+        if room.squeeze[at, 1] == 0.0:
+            continue
+        a, b, c = room.bare[at, 0], room.bare[at, 1], room.bare[at, 2]
+        s = (a * inward[e, 0] + b * inward[e, 1] + c * inward[e, 2]) / skin.width[e, i]
+        along = a * u[e, 0] + b * u[e, 1] + c * u[e, 2]
+        by_t = gain * (1.0 - 2.0 * t) / (t * (1.0 - t))  # of k, for the same s
+        for k in range(m):
+            x, y, z = d_arm[at, 0, k], d_arm[at, 1, k], d_arm[at, 2, k]
+            reach = x * inward[e, 0] + y * inward[e, 1] + z * inward[e, 2]
+            change[k] = by_reach * (reach - s * by.width[e, i, k]) + by_t * by.t[e, i, k]
+            d_along[k] = x * u[e, 0] + y * u[e, 1] + z * u[e, 2]
+            d_along[k] += a * du[e, 0, k] + b * du[e, 1, k] + c * du[e, 2, k]
+        for j in range(3):
+            way, axis = room.across[at, j], u[e, j]
+            for k in range(m):
+                evading = d_arm[at, j, k] - axis * d_along[k] - along * du[e, j, k]
+                d_arm[at, j, k] += way * change[k] + gain * evading

@@ -35,7 +35,7 @@ from adapt.anatomy import Anatomy, Floats, Frame, Ints
 from adapt.model.compiled.layout import BENDING, Layout
 from adapt.model.deformers.between import blended_frames
 from adapt.model.deformers.deformer_type import DeformerType
-from adapt.model.derivatives import Motion, Points, compose, mere_points, move, still_points
+from adapt.model.derivatives import Motion, Points, compose, d_reach_along, mere_points, move, reach_along, still_points
 from adapt.model.frames import frame_from_landmarks
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
@@ -82,19 +82,13 @@ class Bend(DeformerType):
         Their y axes point from the first bone to the second: normals of the planes, and the limb's axis.
         """
         start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
-        (a, da), (b, db) = _beyond(start, skin), _beyond(end, skin)
-        past, before = np.maximum(a, 0.0), np.maximum(-b, 0.0)
-        width = np.maximum(past + before, 1e-12)
-        t = past / width  # where neither plane has been passed, 0
         middle = Points(centre.translation[None], centre.d_translation[None])
-        axis, d_axis = _y_axis(centre)
-        along = Points(axis[None], d_axis[None])
+        along = Points(*(each[None] for each in _y_axis(centre)))
+        t, width, dt, d_width = _slices(start, end, skin)
         if skin.still and not p.d.any():  # then nothing varies at rest
             none = np.zeros((1, 1))
             return BoundBend(skin, t, width, none, none, still_points(middle.value), still_points(along.value))
-        d_past, d_before = da * (a > 0.0)[:, None], -db * (b < 0.0)[:, None]
-        dt = (before[:, None] * d_past - past[:, None] * d_before) / width[:, None] ** 2
-        return BoundBend(skin, t, width, dt, d_past + d_before, middle, along)
+        return BoundBend(skin, t, width, dt, d_width, middle, along)
 
     def carry(self, bound: BoundBend, motions: tuple[Motion, ...]) -> Points:
         """The bound points where the bend carries them, with derivatives."""
@@ -114,12 +108,13 @@ class Bend(DeformerType):
         """1 - t and t."""
         return 1.0 - bound.t, bound.t
 
-    def layout(self, bound: BoundBend) -> Layout:
-        """The points, their slices, and the joint's centre with no rotation, on either bone."""
-        d_centre, axis, by = bound.centre.d[0], bound.axis, {"d_t": bound.dt, "d_width": bound.d_width}
-        centre = Motion(np.eye(3), bound.centre.value[0], np.zeros_like(d_centre), d_centre)
-        ends = (centre, centre)
-        return Layout(BENDING, bound.skin.value, bound.t, bound.width, ends, axis.value[0], d_axis=axis.d[0], **by)
+    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+        """The points' slices, and the joint's centre with no rotation, on either bone."""
+        start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
+        (axis, d_axis), still = _y_axis(centre), np.zeros_like(centre.d_translation)
+        t, width, dt, d_width = _slices(start, end, skin)
+        ends = (Motion(np.eye(3), centre.translation, still, centre.d_translation),) * 2
+        return Layout(BENDING, t, width, ends, axis, dt, d_width, d_axis)
 
     def turning_frames(
         self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBend
@@ -140,11 +135,21 @@ class Bend(DeformerType):
         return np.asarray(np.linalg.norm(np.cross(bound.skin.value - bound.centre.value, bound.axis.value[0]), axis=1))
 
 
-def _beyond(plane: Motion, skin: Points) -> tuple[Floats, Floats]:
-    """How far (N,) in m points lie beyond the plane through a frame's origin along its y axis; (N, n)."""
-    normal, d_normal = _y_axis(plane)
-    reach, d_reach = skin.value - plane.translation, skin.d - plane.d_translation
-    return reach @ normal, np.matmul(normal, d_reach) + reach @ d_normal
+def _slices(start: Motion, end: Motion, skin: Points) -> tuple[Floats, Floats, Floats, Floats]:
+    """Shares t (N,) and widths a + b (N,) m of points between two planes, then their derivatives (N, n).
+
+    A plane goes through a frame's origin across its y axis. Derivatives are 0 outside the bend, where no one asks.
+    """
+    (a, b), n = (reach_along(plane, _y_axis(plane)[0], skin) for plane in (start, end)), start.n
+    past, before = np.maximum(a, 0.0), np.maximum(-b, 0.0)
+    width = np.maximum(past + before, 1e-12)
+    t = past / width  # 0 where neither plane has been passed
+    dt, d_width = np.zeros((len(t), n)), np.zeros((len(t), n))
+    bending = np.flatnonzero((t > 0.0) & (t < 1.0))
+    d_past, d_before = (d_reach_along(plane, *_y_axis(plane), skin.at(bending)) for plane in (start, end))
+    past, before, over = past[bending, None], before[bending, None], width[bending, None] ** 2
+    dt[bending], d_width[bending] = (before * d_past + past * d_before) / over, d_past - d_before
+    return t, width, dt, d_width
 
 
 def _y_axis(frame: Motion) -> tuple[Floats, Floats]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from adapt.model.compiled.layout import TURNING, Layout
 from adapt.model.derivatives import Motion, Points, compose, mere_points, still_points
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
@@ -98,12 +97,6 @@ def carry_between(bound: BoundBetween, motions: tuple[Motion, ...]) -> Points:
     if not bound.local.still:
         d += np.matmul(frame.rotation, bound.local.d)
     return Points(arm + frame.origin, d)
-
-
-def between_layout(bound: BoundBetween) -> Layout:
-    """The points in their blended frames, and the two frames, for the compiled loops."""
-    local, ends = bound.local, (bound.proximal, bound.distal)
-    return Layout(TURNING, local.value, bound.t, ends=ends, d_local=local.d, d_t=bound.dt)
 
 
 def _combined(shares: Floats, matrices: Floats) -> Floats:

@@ -56,8 +56,8 @@ class DeformerType(ABC):
         return replace(deformer, frames=tuple(mirrored_frame(frame) for frame in deformer.frames))
 
     @abstractmethod
-    def layout(self, bound: Any) -> Layout:
-        """The bound points for the compiled loops (adapt.model.compiled.skin), where only the pose varies."""
+    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+        """What ``bind`` says, for the compiled loops (adapt.model.compiled.skin)."""
 
     def turning_frames(
         self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: Any

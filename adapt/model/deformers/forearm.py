@@ -16,7 +16,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.model.deformers.turning import Turning
-from adapt.model.derivatives import Motion, Points
+from adapt.model.derivatives import Motion, Points, d_reach_along, reach_along
 
 
 class Forearm(Turning):
@@ -27,9 +27,9 @@ class Forearm(Turning):
     def along(self, first: Motion, second: Motion, skin: Points) -> tuple[Floats, Floats]:
         """The ramp t (N,) in [0, 1] along the forearm and its derivative (N, n)."""
         axis, d_axis = second.translation - first.translation, second.d_translation - first.d_translation
-        reach, d_reach = skin.value - first.translation, skin.d - first.d_translation
         length2 = axis @ axis
-        t = reach @ axis / length2
-        dt = (np.matmul(axis, d_reach) + reach @ d_axis - 2.0 * t[:, None] * (axis @ d_axis)) / length2
-        inside = (t > 0.0) & (t < 1.0)
-        return np.clip(t, 0.0, 1.0), dt * inside[:, None]
+        share, d_share = axis / length2, (d_axis - 2.0 * np.outer(axis, axis @ d_axis) / length2) / length2
+        t, dt = reach_along(first, share, skin), np.zeros((len(skin.value), first.n))
+        inside = np.flatnonzero((t > 0.0) & (t < 1.0))
+        dt[inside] = d_reach_along(first, share, d_share, skin.at(inside))
+        return np.clip(t, 0.0, 1.0), dt

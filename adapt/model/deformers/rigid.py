@@ -28,6 +28,6 @@ class Rigid(DeformerType):
         """All of each point."""
         return (np.ones(len(bound.value)),)
 
-    def layout(self, bound: Points) -> Layout:
-        """The points themselves."""
-        return Layout(RIGID, bound.value)
+    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+        """There is nothing to say."""
+        return Layout(RIGID)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from adapt.anatomy import Anatomy, Floats, Frame
-from adapt.model.compiled.layout import Layout
-from adapt.model.deformers.between import BoundBetween, between_layout, bind_between, carry_between
+from adapt.model.compiled.layout import TURNING, Layout
+from adapt.model.deformers.between import BoundBetween, bind_between, carry_between
 from adapt.model.deformers.deformer_type import DeformerType
 from adapt.model.derivatives import Motion, Points
 from adapt.model.frames import frame_from_landmarks
@@ -36,9 +36,11 @@ class Turning(DeformerType):
         """1 - t and t."""
         return 1.0 - bound.t, bound.t
 
-    def layout(self, bound: BoundBetween) -> Layout:
-        """The points in their blended frames, and the two frames."""
-        return between_layout(bound)
+    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+        """The two frames, and how far between them the points are."""
+        first, second = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
+        t, dt = self.along(first, second, skin)
+        return Layout(TURNING, t, ends=(first, second), d_t=dt)
 
     def turning_frames(
         self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBetween

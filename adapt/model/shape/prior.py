@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
@@ -9,34 +10,53 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body
 from adapt.model.shape.handle_space import AffineSet
+from adapt.model.shape.population import ANYBODY, BONE_MEASURES, JOINT_MEASURES, MEN_M, Person, residuals
 
 SIZE_SIGMA = 0.2  # overall size against the template: children of six (0.6) and very tall men (1.25) are people, too
-GIRTH_SIGMA = 0.04  # scale of one joint against the overall size
-LENGTH_SIGMA = 0.06  # length of one bone against the overall size
+STATED_SIGMA = 0.02  # the same where the height is stated: the template may be no average man's, nor the height exact
+OWN_SIGMA = 0.025  # of ours against the survey's measures: other end points, and a template of one body (an assumption)
+GIRTH_SIGMA = 0.04  # scale of one joint against the overall size, where the survey has no measure of it
+LENGTH_SIGMA = 0.06  # length of one bone against the overall size, likewise
 SIDEWAYS_SIGMA_M = 0.002  # direction of a bone: how far its end may stray sideways
 _GAUGE_SIGMA_M = 1e-3  # the pose already moves the whole body: the first group stays where it is
 
 
-def shape_precision(anatomy: Anatomy, affine: AffineSet) -> Floats:
-    """Precision (4J, 4J) of a Gaussian over shapes, centred on the identity.
+@dataclass(frozen=True, eq=False)
+class ShapePrior:
+    """A Gaussian over shapes: mean (4J,) and precision (4J, 4J)."""
 
-    Bodies differ by an overall size g first; joints' scales and bones' lengths follow g up to their own
-    spread. g itself is integrated out, so any uniform scaling costs only SIZE_SIGMA.
+    mean: Floats = field(repr=False)
+    precision: Floats = field(repr=False)
+
+
+def shape_prior(anatomy: Anatomy, affine: AffineSet, person: Person = ANYBODY) -> ShapePrior:
+    """What is known of a body's proportions before it is seen, given what is said of the person.
+
+    Bodies differ by an overall size g first, the person's stature against the average man's. Bones' lengths and
+    joints' scales follow g up to their own spread, which hangs together as in ANSUR II (``population``), and OWN_SIGMA
+    for what its measures do not say of ours; where a bone or a joint has no measure there, by LENGTH_SIGMA and
+    GIRTH_SIGMA. g itself is integrated out: where no height is stated, any uniform scaling costs only SIZE_SIGMA.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> from adapt.model.body import make_body
     >>> from adapt.model.size import resized
     >>> arm = make_body(load_anatomy("upper-limb-right"))
     >>> larger = resized(arm, 1.0 + SIZE_SIGMA).shape - arm.shape
-    >>> round(float(larger @ shape_precision(arm.anatomy, arm.affine) @ larger), 2)  # one standard deviation squared
-    0.99
+    >>> anybody, tall = (shape_prior(arm.anatomy, arm.affine, person) for person in (ANYBODY, Person(height_m=1.95)))
+    >>> round(float(larger @ anybody.precision @ larger), 1)  # one standard deviation squared
+    1.0
+    >>> np.round(arm.affine.scales(tall.mean), 2).tolist()
+    [1.11, 1.11, 1.08, 1.07]
     """
-    full = _with_size(anatomy, affine)
-    return np.asarray(full[:-1, :-1] - np.outer(full[:-1, -1], full[-1, :-1]) / full[-1, -1])
+    information, pull = _with_size(anatomy, affine, person)
+    mean = np.linalg.solve(information, pull)[:-1]
+    coupling = information[:-1, -1]
+    precision = information[:-1, :-1] - np.outer(coupling, coupling) / information[-1, -1]
+    return ShapePrior(affine.identity + mean, np.asarray(precision))
 
 
 def overall_size(body: Body) -> float:
-    """How large a body is against its template: the likeliest g of ``shape_precision`` for its shape.
+    """How large a body is against its template: the likeliest g of ``shape_prior`` for its shape, of an average man.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> from adapt.model.body import make_body
@@ -45,27 +65,60 @@ def overall_size(body: Body) -> float:
     >>> round(overall_size(arm), 2), round(overall_size(resized(arm, 1.1)), 2)
     (1.0, 1.1)
     """
-    full = _with_size(body.anatomy, body.affine)
+    full, _ = _with_size(body.anatomy, body.affine, ANYBODY)
     return float(1.0 - full[-1, :-1] @ (body.shape - body.affine.identity) / full[-1, -1])
 
 
-def _with_size(anatomy: Anatomy, affine: AffineSet) -> Floats:
-    """Precision (4J + 1, 4J + 1) of [shape, g], both against the identity."""
+def _with_size(anatomy: Anatomy, affine: AffineSet, person: Person) -> tuple[Floats, Floats]:
+    """Information (4J + 1, 4J + 1) on [shape, g], both against the identity, and the information times the mean."""
     n, shifts = len(affine.identity), affine.shift_columns
-    rows = [_row(n + 1, {n: 1.0 / SIZE_SIGMA})]
-    rows += [_row(n + 1, {column: 1.0 / GIRTH_SIGMA, n: -1.0 / GIRTH_SIGMA}) for column in affine.scale_columns]
-    for first, second in bones_between_groups(anatomy, affine):
+    surveyed: list[tuple[Floats, str]] = []  # rows whose value is a measure's residual
+    rows: list[Floats] = []  # rows with one standard deviation and mean zero
+    for joint, column in zip(affine.groups, affine.scale_columns, strict=True):
+        row = _row(n + 1, {column: 1.0, n: -1.0})
+        _sort(row, JOINT_MEASURES.get(joint), GIRTH_SIGMA, surveyed, rows)
+    for (first, second), bone in bones_between_groups(anatomy, affine).items():
         span = affine.centres[second] - affine.centres[first]
         length = float(np.linalg.norm(span))
         for direction in _basis(span / length):
             grows = float(direction @ span)
-            sigma = LENGTH_SIGMA * length if abs(grows) > 0.5 * length else SIDEWAYS_SIGMA_M
-            entries = {shifts[second, k]: direction[k] / sigma for k in range(3)}
-            entries |= {shifts[first, k]: -direction[k] / sigma for k in range(3)}
-            rows.append(_row(n + 1, entries | {n: -grows / sigma}))
+            lengthwise = abs(grows) > 0.5 * length
+            unit = length if lengthwise else SIDEWAYS_SIGMA_M
+            entries = {shifts[second, k]: direction[k] / unit for k in range(3)}
+            entries |= {shifts[first, k]: -direction[k] / unit for k in range(3)}
+            row = _row(n + 1, entries | {n: -grows / unit})
+            if lengthwise:
+                _sort(row * np.sign(grows), BONE_MEASURES.get(bone), LENGTH_SIGMA, surveyed, rows)
+            else:
+                rows.append(row)
     rows += [_row(n + 1, {column: 1.0 / _GAUGE_SIGMA_M}) for column in shifts[0]]
-    stacked = np.array(rows)
-    return np.asarray(stacked.T @ stacked)
+    size, sigma = _size(person)
+    rows.append(_row(n + 1, {n: 1.0 / sigma}))
+    pull = rows[-1] * size / sigma
+    information = np.array(rows).T @ np.array(rows)
+    if surveyed:
+        of = np.array([row for row, _ in surveyed])
+        mean, covariance = residuals(person).of(tuple(measure for _, measure in surveyed))
+        precision = np.linalg.inv(covariance + OWN_SIGMA**2 * np.eye(len(of)))
+        information, pull = information + of.T @ precision @ of, pull + of.T @ precision @ mean
+    return np.asarray(information), np.asarray(pull)
+
+
+def _sort(
+    row: Floats, measure: str | None, sigma: float, surveyed: list[tuple[Floats, str]], rows: list[Floats]
+) -> None:
+    """Put a row with those that have a measure in the survey, or with those that have a deviation of their own."""
+    if measure is None:
+        rows.append(row / sigma)
+    else:
+        surveyed.append((row, measure))
+
+
+def _size(person: Person) -> tuple[float, float]:
+    """The mean of the overall size g less 1, and its standard deviation."""
+    if person.height_m is None:
+        return 0.0, SIZE_SIGMA
+    return person.height_m / MEN_M - 1.0, STATED_SIGMA
 
 
 def bones_between_groups(anatomy: Anatomy, affine: AffineSet) -> dict[tuple[int, int], str]:

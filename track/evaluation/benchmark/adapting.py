@@ -7,13 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.fit.alternate import adapt_body
 from adapt.fit.pose import match_pose
-from adapt.fit.recording import DEFAULT_POSES, adapt_recording
-from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
+from adapt.fit.problem import Unknowns
+from adapt.fit.shape import ShapeEnergy, split_tissue
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin, weighted_by_tissue
 from adapt.model.body import make_body, shaped_skin
+from adapt.options import AS_USUAL
 from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.cloud.fuse import fuse
@@ -74,7 +76,7 @@ def evaluation_timings(subject: Subject, targets: Sequence[Target], *, repeat: i
 def automatic_timing(recording: Recording, subject: Subject) -> Timing:
     """From the recording to a subject without a hand on it, once."""
     return timed(
-        f"adaptation, {DEFAULT_POSES} poses, fully automatic",
+        f"adaptation, {AS_USUAL.poses} poses, fully automatic",
         lambda: adapt_recording(recording, subject.anatomy),
         target_s=ADAPTATION_TARGET_S,
         first_s=FIRST_AUTOMATIC_S,

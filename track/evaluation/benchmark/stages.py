@@ -16,10 +16,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from adapt.fit.follow import follow_pose
-from adapt.fit.least_squares import data_term, levenberg_marquardt
+from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.pose import PoseEnergy, PoseFit, match_pose
 from adapt.fit.posterior import pose_covariance
-from adapt.fit.recording import DEFAULT_POSES
+from adapt.fit.problem import data_term
 from adapt.match.correspondences import Target, find_corres
 from adapt.match.point_grid import PointGrid
 from adapt.match.skin_sample import sample_skin
@@ -27,6 +27,7 @@ from adapt.match.visibility import pixel_of
 from adapt.model.body import pose_skin, pose_skin_varying
 from adapt.model.pose_space import moved_rigidly
 from adapt.model.surface import incidence, vertex_normals
+from adapt.options import AS_USUAL
 from adapt.search.coarse_cost import Placements, Scene, costs, costs_by_arrays
 from adapt.search.pose_score import find_skin
 from adapt.subject import Subject
@@ -42,7 +43,7 @@ from track.accuracy.truth import read_truth, world_from_common
 from track.evaluation.benchmark.timing import Timing, timed
 from track.evaluation.skin_of_blocks import skin_of_blocks
 from track.prediction import predict
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
 
@@ -258,7 +259,7 @@ def simulated_subject(recording: Recording) -> Subject:
     """
     truth = read_truth(recording)
     common_from_world = inverse(world_from_common(recording, truth))
-    few = np.linspace(0, len(truth.times) - 1, DEFAULT_POSES).round().astype(int)
+    few = np.linspace(0, len(truth.times) - 1, AS_USUAL.poses).round().astype(int)
     thetas = np.array([moved_rigidly(truth.body.anatomy, truth.thetas[k], common_from_world) for k in few])
     return Subject(truth.body, thetas, truth.times[few], 1e-6 * np.eye(len(truth.body.shape)), {})
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
+from adapt.options import AdaptOptions
 from capture.simulation.sensor import NoiseModel
 from track.accuracy.errors import Evaluation, evaluate_motion
 from track.accuracy.truth import read_truth, world_from_common
@@ -20,7 +21,8 @@ from track.evaluation.made_up_motions import perform
 from track.evaluation.random_bodies import random_body
 from track.evaluation.reconstruction import reconstruction_of_poses
 from track.observed_bones import known_thetas
-from track.run import track_recording
+from track.options import TrackOptions
+from track.track_recording import track_recording
 
 ANATOMY = "upper-limb-right"
 NOISES = {"Carmine": CARMINE, "no noise": NoiseModel()}
@@ -37,8 +39,8 @@ def run(case: str, folder: Path) -> Result:
     body = random_body(load_anatomy(ANATOMY), int(seed))
     moving = perform(body, ("bend-and-twist",), seconds_each=_SECONDS, seed=int(seed))
     known = record_known(moving, folder / "recording", noise=NOISES[noise], seed=int(seed))
-    subject = adapt_recording(known.recording, body.anatomy, region=known.region)
-    motion = track_recording(known.recording, subject, folder / "motion", region=known.region)
+    subject = adapt_recording(known.recording, body.anatomy, AdaptOptions(region=known.region))
+    motion = track_recording(known.recording, subject, folder / "motion", TrackOptions(region=known.region))
     truth = read_truth(known.recording)
     common = world_from_common(known.recording, truth)
     thetas = known_thetas(body.anatomy, motion.thetas, motion.shown)

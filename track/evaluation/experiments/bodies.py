@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.pose import fit_pose
-from adapt.fit.recording import adapt_recording
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin
 from adapt.model.body import pose_skin, posed_bones
@@ -34,7 +34,7 @@ from track.evaluation.rigged_people import RIGS
 from track.evaluation.solved_people import Solved, solved
 from track.evaluation.swing import times_and_phase
 from track.motion import Motion
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
 
 NAME = "figure-15-bodies"

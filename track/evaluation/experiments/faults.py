@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.fit.recording import adapt_recording
+from adapt.adapt_recording import adapt_recording
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import BonetrackError
 from track.accuracy.errors import Evaluation, evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.experiments.faulty_recordings import _SECONDS, FAULTS, HIDDEN_S, LIMBS, Limb, Scene, make_scene
 from track.motion import Motion
-from track.run import track_recording
+from track.track_recording import track_recording
 
 _WRONG_DEG = 5.0
 

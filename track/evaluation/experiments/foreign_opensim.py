@@ -33,7 +33,7 @@ from track.evaluation.skin_carried import carrying_weights
 from track.evaluation.swing import times_and_phase
 from track.export.osim import write_osim
 from track.motion import load_motion
-from track.run import track_recording
+from track.track_recording import track_recording
 
 NAME, TITLE = "foreign-opensim", "People that are not of our model's making: beside OpenSim's inverse kinematics"
 OURS, THEIRS = "bonetrack", "OpenSim scaled"

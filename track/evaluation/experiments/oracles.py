@@ -18,10 +18,10 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import Adaptation, adapt_body
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import trusted
 from adapt.fit.pose import match_pose
-from adapt.fit.shape import ShapeEnergy, Unknowns, split_tissue
+from adapt.fit.problem import SIGMA_M, Unknowns
+from adapt.fit.shape import ShapeEnergy, split_tissue
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import sample_skin, weighted_by_tissue
 from adapt.model.body import Body, joint_centres

@@ -7,20 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
-from adapt.fit.recording import adapt_recording
 from adapt.model.body import make_body, rest_theta
 from adapt.model.pose_space import is_free
+from adapt.options import AdaptOptions
 from adapt.subject import Subject
 from track.accuracy.errors import evaluate_motion
 from track.evaluation.experiments.experiment import Experiment, Result, markdown_table, summary
 from track.evaluation.known import CARMINE, KnownRecording, centre_errors, record_known
 from track.evaluation.made_up_motions import joined, perform
 from track.evaluation.random_bodies import random_body
-from track.run import track_recording
+from track.options import TrackOptions
 from track.simulation.performance import Performance
+from track.track_recording import track_recording
 
 ANATOMY = "upper-limb-right"
 MOTIONS = ("bend", "bend-and-twist")
@@ -65,11 +67,11 @@ def _from_one_pose(known: KnownRecording, seed: int) -> Subject:
 
 
 def _from_poses(known: KnownRecording) -> Subject:
-    return adapt_recording(known.recording, known.body.anatomy, region=known.region)
+    return adapt_recording(known.recording, known.body.anatomy, AdaptOptions(region=known.region))
 
 
 def _scored(known: KnownRecording, subject: Subject, folder: Path) -> Result:
-    motion = track_recording(known.recording, subject, folder, region=known.region)
+    motion = track_recording(known.recording, subject, folder, TrackOptions(region=known.region))
     evaluation = evaluate_motion(motion, subject, known.recording)
     frames = np.flatnonzero(motion.tracked)
     centres = centre_errors(subject.body, motion.thetas[frames], known.body, known.thetas[frames])

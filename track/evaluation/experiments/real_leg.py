@@ -19,13 +19,14 @@ from pathlib import Path
 import igl
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
 from adapt.fit.alternate import adapt_body
 from adapt.fit.never_seen import Bools, skin_of
-from adapt.fit.recording import adapt_recording
 from adapt.match.correspondences import Target
 from adapt.model.body import Body, bone_transforms, make_body, pose_skin, pose_skin_by_v_hat, posed_bones
+from adapt.options import AdaptOptions
 from adapt.subject import Subject
 from adapt.template_builder.meshes import Mesh
 from capture.calibration.calibrate import write_calibration
@@ -45,7 +46,7 @@ from track.evaluation.known import carried, record_meshes
 from track.evaluation.made_up_motions import FPS
 from track.evaluation.real_legs import BONES, MAN, WOMAN, RealLeg, laid_on, our_bones, read_leg
 from track.evaluation.swing import Swing, times_and_phase
-from track.run import track_recording
+from track.track_recording import track_recording
 
 NAME, TITLE = "real-leg", "A real woman's leg, and a man's: bones from the skin"
 ANATOMY = "lower-limb-right"
@@ -206,7 +207,7 @@ def _subject(recording: Recording, anatomy: Anatomy, true: Floats, folder: Path)
     scale = [_OFF_M if c.unit == "m" else np.deg2rad(_OFF_DEG) for c in anatomy.coordinates]
     frames = np.linspace(0, len(true) - 1, 8).astype(int)[:-1].tolist()
     first = {frame: true[frame] + rng.uniform(-1.0, 1.0, len(scale)) * scale for frame in frames}
-    return adapt_recording(recording, anatomy, first_poses=first), f"given, for by itself: {refused}"
+    return adapt_recording(recording, anatomy, AdaptOptions(first_poses=first)), f"given, for by itself: {refused}"
 
 
 def _frame(

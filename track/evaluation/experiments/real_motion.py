@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, Floats
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from adapt.subject import Subject, load_subject, save_subject
 from adapt.template_builder.meshes import Mesh, largest_part
 from capture.errors import BonetrackError
@@ -35,7 +35,7 @@ from track.evaluation.known import record_meshes
 from track.evaluation.made_up_motions import FPS
 from track.evaluation.swing import times_and_phase
 from track.motion import Motion
-from track.run import track_recording
+from track.track_recording import track_recording
 from track.view.render import save_png
 
 NAME, TITLE = "real-motion", "A real man's limbs in motion"

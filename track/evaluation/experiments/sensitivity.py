@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from adapt.adapt_recording import adapt_recording
 from adapt.anatomy_file import load_anatomy
-from adapt.fit.recording import adapt_recording
 from adapt.model.body import joint_centres
+from adapt.options import AdaptOptions
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import BonetrackError
 from capture.recording import Calibration, Recording
@@ -23,9 +24,9 @@ from track.evaluation.known import CARMINE, KnownRecording, record_known
 from track.evaluation.made_up_motions import perform
 from track.evaluation.random_bodies import random_body
 from track.evaluation.things import Thing, ball_in_hand, board
-from track.run import track_recording
 from track.simulation.performance import Performance
 from track.simulation.simulate import performance_rig
+from track.track_recording import track_recording
 
 _SECONDS = 2.0
 _BEFORE_M, _BOARD_M = 0.3, 0.20  # the board stands so far before the joint, towards the first sensor
@@ -134,7 +135,7 @@ def _subject(known: KnownRecording, condition: Condition, folder: Path) -> Subje
     """The subject under a condition, adapted if that has not been done yet."""
     path = folder / "subject.npz"
     if not path.is_file():
-        save_subject(adapt_recording(known.recording, known.body.anatomy, poses=condition.poses), path)
+        save_subject(adapt_recording(known.recording, known.body.anatomy, AdaptOptions(poses=condition.poses)), path)
     return load_subject(path)
 
 

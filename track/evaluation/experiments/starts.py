@@ -11,9 +11,9 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.fit.alternate import adapt_body
-from adapt.fit.least_squares import SIGMA_M
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import fit_pose, match_pose, next_gate
+from adapt.fit.problem import SIGMA_M
 from adapt.fit.shape import fit_shape
 from adapt.fit.skin import fit_skin
 from adapt.match.correspondences import GATE_M, Correspondences, Target
@@ -123,7 +123,7 @@ def _best_around(body: Body, target: Target, theta: Floats, sample: SkinSample) 
     few = sample_skin(body.anatomy, at_most=_FEW)
     tried = (try_pose(body, target, few, start) for start in variations(body.anatomy, theta))
     found = [pose for pose in tried if pose is not None]
-    best = min(found, key=lambda pose: pose.badness_m).fit.theta if found else theta
+    best = min(found, key=lambda pose: pose.cost_m).fit.theta if found else theta
     return _from_the_guess(body, target, best, sample)
 
 

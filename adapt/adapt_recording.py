@@ -1,26 +1,31 @@
 """From a recording to a subject, without a hand on it: first poses, example poses, algorithm 4.
 
-Every automatic choice can be overridden: the frames to adapt to, and their first poses.
+Every automatic choice can be overridden (``adapt.options``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats
+from adapt.anatomy import Anatomy
 from adapt.fit.alternate import Adaptation, Progress, adapt_body
 from adapt.fit.examples import landmarks_shown
 from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
+from adapt.fit.posterior import deviations
+from adapt.fit.stated_person import person_report
 from adapt.match.skin_sample import SkinSample, sample_skin
-from adapt.model.body import Body, make_body
+from adapt.model.body import Body
+from adapt.model.shape.population import Person
 from adapt.model.shape.prior import overall_size
+from adapt.model.size import expected_body
+from adapt.options import AS_USUAL, AdaptOptions
 from adapt.search.candidates import (
     FEWEST_POSES,
     Candidate,
@@ -36,23 +41,16 @@ from adapt.search.own_side import keeps_to_its_side
 from adapt.search.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
 from adapt.search.search_journal import FoundPoses
 from adapt.subject import Subject
-from capture.cloud.fuse import Region
 from capture.errors import FitError
 from capture.journal import Journal
 from capture.recording import Recording, instants, refuse_useless_depth
-from capture.settings import recording_used, region_used, sensors_used, versions
-
-DEFAULT_POSES = 6
 
 
 def adapt_recording(
     recording: Recording,
     anatomy: Anatomy,
+    options: AdaptOptions = AS_USUAL,
     *,
-    poses: int = DEFAULT_POSES,
-    frames: Sequence[int] | None = None,
-    first_poses: Mapping[int, Floats] | None = None,
-    region: Region | None = None,
     journal: Journal | None = None,
     progress: Progress = lambda _: None,
 ) -> Subject:
@@ -61,10 +59,7 @@ def adapt_recording(
     Args:
         recording: calibrated, or of a single sensor.
         anatomy: the template limb.
-        poses: how many example poses to choose (4 to 8).
-        frames: indices of instants to adapt to, instead of the automatic choice.
-        first_poses: theta (n,) by index of instant, instead of the automatic search; these instants are looked at.
-        region: where the limb is, instead of the automatic region of interest.
+        options: what is not left to the automatic choice.
         journal: what an earlier run with the same arguments found, and where what is found is written.
         progress: told in words what is being done.
 
@@ -74,27 +69,28 @@ def adapt_recording(
     """
     refuse_useless_depth(recording)
     moments = instants(recording)
-    known, body = dict(first_poses or {}), make_body(anatomy)
-    wanted = frames_to_look_at(recording, moments, poses, frames, known)
-    body, candidates = pose_candidates(recording, body, moments, wanted, known, region, FoundPoses(journal), progress)
+    known, body = options.first_poses, expected_body(anatomy, options.person)
+    wanted = frames_to_look_at(recording, moments, options)
+    body, candidates = pose_candidates(recording, body, moments, wanted, options, FoundPoses(journal), progress)
     refuse_what_nobody_is(body, recording.path)
     sample = sample_skin(anatomy, at_most=2000)
-    usable, doubted = _usable(candidates, poses if frames is None else FEWEST_POSES, len(wanted), recording)
+    automatic = options.frames is None
+    usable, doubted = _usable(candidates, options.poses if automatic else FEWEST_POSES, len(wanted), recording)
     others: list[Candidate] = []
     lost = never_seen(body, [(c.target, c.pose.fit.theta) for c in usable], sample)
     sample = without(sample, lost.skin)
-    if frames is None:
+    if automatic:
         progress("choosing example poses")
-        body, usable, others, again = choose(body, usable, sample, poses)
+        body, usable, others, again = choose(body, usable, sample, options.poses, options.person)
         doubted |= again
     if not known and keeps_to_its_side(anatomy):
         usable, others, crossed = _of_the_asked_leg(body, usable, others, sample, recording)
         doubted |= crossed
-    side = _asked_side(body, usable, lost, recording, sample, progress, chosen=bool(known))
-    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress)
+    side = _asked_side(body, usable, lost, recording, sample, progress, options.person, chosen=bool(known))
+    adaptation, usable, left_out = _adapted(body, usable, others, lost, side, recording, progress, options.person)
     refuse_what_nobody_is(adaptation.body, recording.path)
-    settings = _settings(recording, region, frames, known, poses if frames is None else len(usable))
-    return _subject(adaptation, usable, settings, side, lost, doubted | left_out)
+    settings = options.used(recording, example_poses=len(usable))
+    return _subject(adaptation, usable, settings, side, lost, doubted | left_out, options.person)
 
 
 def _usable(
@@ -128,25 +124,6 @@ def _of_the_asked_leg(
     return used, others, crossed
 
 
-def _settings(
-    recording: Recording,
-    region: Region | None,
-    frames: Sequence[int] | None,
-    known: Mapping[int, Floats],
-    example_poses: int,
-) -> dict[str, Any]:
-    """What the report says of how the subject was made."""
-    return {
-        "versions": versions(),
-        **recording_used(recording),
-        **region_used(recording, region),
-        "example_poses": example_poses,
-        **sensors_used(recording),
-        "frames_given": None if frames is None else sorted(set(frames)),
-        "first_poses_given": sorted(known),
-    }
-
-
 def _asked_side(
     body: Body,
     used: list[Candidate],
@@ -154,6 +131,7 @@ def _asked_side(
     recording: Recording,
     sample: SkinSample,
     progress: Progress,
+    person: Person,
     *,
     chosen: bool,
 ) -> SideEvidence | None:
@@ -164,7 +142,7 @@ def _asked_side(
     progress("which side, and which limb")
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = overall_size(body)
-    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin)
+    side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin, person=person)
     side = None if side is None else replace(side, beside=sum(c.beside is not None for c in used))
     try:
         if not chosen:
@@ -184,6 +162,7 @@ def _adapted(
     side: SideEvidence | None,
     recording: Recording,
     progress: Progress,
+    person: Person,
 ) -> tuple[Adaptation, list[Candidate], dict[float, str]]:
     """Algorithm 4, the poses it rests on, and by their times those that failed the judge; without these it is redone.
 
@@ -194,7 +173,14 @@ def _adapted(
     unseen = [(c.target, c.pose.fit.theta) for c in others]
     apart_m = 0.0 if side is None else side.asked_m
     adaptation = adapt_body(
-        body, targets, thetas, unseen=unseen, gone=lost.skin, by_proportions_m=apart_m, progress=progress
+        body,
+        targets,
+        thetas,
+        unseen=unseen,
+        gone=lost.skin,
+        by_proportions_m=apart_m,
+        person=person,
+        progress=progress,
     )
     whole = without(sample_skin(body.anatomy), lost.skin)
     judged = [judge_fit(adaptation.body, *pose, whole, ADAPTED) for pose in zip(targets, adaptation.fits, strict=True)]
@@ -209,17 +195,17 @@ def _adapted(
             remedy="is it the person, with the region, the unit and the focal length right? Choose other frames, "
             "or give first poses",
         )
-    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress)
+    adaptation, kept, further = _adapted(body, kept, others, lost, side, recording, progress, person)
     return adaptation, kept, failed | further
 
 
 def _scales(adaptation: Adaptation) -> dict[str, dict[str, float]]:
     """How large the body is at each joint against the template, with one standard deviation."""
     body = adaptation.body
-    deviations = np.sqrt(np.diag(adaptation.covariance))[body.affine.scale_columns]
+    sure = deviations(adaptation.covariance)[body.affine.scale_columns]
     return {
         joint: {"scale": float(scale), "sd": float(deviation)}
-        for joint, scale, deviation in zip(body.affine.groups, body.affine.scales(body.shape), deviations, strict=True)
+        for joint, scale, deviation in zip(body.affine.groups, body.affine.scales(body.shape), sure, strict=True)
     }
 
 
@@ -230,6 +216,7 @@ def _subject(
     side: SideEvidence | None,
     lost: NeverSeen,
     left_out: Mapping[float, str],
+    person: Person,
 ) -> Subject:
     body = adaptation.body
     sample = without(sample_skin(body.anatomy), lost.skin)
@@ -244,6 +231,7 @@ def _subject(
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],
         "settings": settings,
+        **person_report(adaptation, person),
         **lost.report(body.anatomy),
     }
     times = np.array([candidate.instant.time_s for candidate in used])

@@ -5,19 +5,18 @@ First poses, the longest part, are lines of a journal beside the subject's file 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from adapt.anatomy import Anatomy, Floats, anatomy_arrays
+from adapt.adapt_recording import adapt_recording
+from adapt.anatomy import Anatomy, anatomy_arrays
 from adapt.fit.alternate import Progress
-from adapt.fit.recording import DEFAULT_POSES, adapt_recording
+from adapt.options import AS_USUAL, AdaptOptions
 from adapt.own_anatomy import kept_anatomy
 from adapt.subject import MARK, Subject, save_subject
-from capture.cloud.fuse import Region
 from capture.errors import BonetrackError
 from capture.files import remove_left_over
 from capture.journal import MARK as JOURNAL_MARK
-from capture.journal import journal_key, resume_journal
+from capture.journal import Told, journal_key, resume_journal
 from capture.own import refuse_any_foreign
 from capture.recording import Recording
 
@@ -26,14 +25,14 @@ def adapt_into(
     out: Path,
     recording: Recording,
     anatomy: Anatomy,
+    options: AdaptOptions = AS_USUAL,
     *,
-    poses: int = DEFAULT_POSES,
-    frames: Sequence[int] | None = None,
-    first_poses: Mapping[int, Floats] | None = None,
-    region: Region | None = None,
     progress: Progress = lambda _: None,
+    told: Told = lambda _: None,
 ) -> Subject:
     """``adapt_recording`` with its result written to the file ``out``, and resumed after a kill.
+
+    Where an earlier run cannot be gone on with, that is ``told`` in a line.
 
     Raises:
         OutputError: something stands in the place of ``out`` that is no subject.
@@ -44,19 +43,9 @@ def adapt_into(
     kept_anatomy(anatomy)  # so is one that is too large for a subject
     out.parent.mkdir(parents=True, exist_ok=True)
     remove_left_over(out.parent, [out.name, journal_path(out).name])
-    key = _key(recording, anatomy, f"{poses} {frames}", first_poses or {}, region or recording.region)
-    journal = resume_journal(journal_path(out), key)
+    journal = resume_journal(journal_path(out), _key(recording, anatomy, options), told)
     try:
-        subject = adapt_recording(
-            recording,
-            anatomy,
-            poses=poses,
-            frames=frames,
-            first_poses=first_poses,
-            region=region,
-            journal=journal,
-            progress=progress,
-        )
+        subject = adapt_recording(recording, anatomy, options, journal=journal, progress=progress)
     except BonetrackError:
         journal.remove()
         raise
@@ -74,10 +63,5 @@ def journal_path(out: Path) -> Path:
     return out.with_name(f"{out.name}.partial-journal")
 
 
-def _key(
-    recording: Recording, anatomy: Anatomy, options: str, first_poses: Mapping[int, Floats], region: Region | None
-) -> str:
-    arrays = anatomy_arrays(anatomy).values()
-    poses = [part for frame, theta in sorted(first_poses.items()) for part in (str(frame), theta)]
-    corners = [] if region is None else [region.minimum, region.maximum]
-    return journal_key(recording, repr(anatomy), *arrays, options, *poses, "region", *corners)
+def _key(recording: Recording, anatomy: Anatomy, options: AdaptOptions) -> str:
+    return journal_key(recording, repr(anatomy), *anatomy_arrays(anatomy).values(), *options.decide(recording))

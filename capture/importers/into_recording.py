@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from capture.importers.inputs import Input, open_inputs
-from capture.importers.parts import Parts, ShownBox, Span
+from capture.importers.options import AS_USUAL, ImportOptions
 from capture.importers.readings import Tally
 from capture.importers.shifts import time_shifts
-from capture.importers.source import Stated
+from capture.importers.time_ranges import Parts
 from capture.importers.times import Timed
 from capture.importers.written_frames import Progress, write_box_frames, write_frames
 from capture.recording import Recording, RecordingWriter, open_recording
 from capture.recording.clocks import refuse_clocks_apart, refuse_impossible_rate
 from capture.rigid import Floats
-
-_NOTHING_STATED = Stated()
 
 _RATE = "If they stand in names of files, state the true rate with --fps (1 for stills)"
 
@@ -29,14 +26,8 @@ Told = Callable[[str, str], None]
 def import_recording(
     paths: Path | Sequence[Path],
     out: Path,
+    options: ImportOptions = AS_USUAL,
     *,
-    stated: Stated | Sequence[Stated] = _NOTHING_STATED,
-    format_name: str | None = None,
-    sensor_names: Sequence[str] = (),
-    offset: Literal["motion", "clock"] | float = "motion",
-    box: ShownBox | None = None,
-    seconds: Span | None = None,
-    overwrite: bool = False,
     progress: Progress | None = None,
     readings: Told | None = None,
 ) -> Recording:
@@ -45,14 +36,7 @@ def import_recording(
     Args:
         paths: one file or folder a sensor.
         out: the folder to make.
-        stated: what the user states of the cameras: of all alike, or of each.
-        format_name: what the files are, if not to be found out.
-        sensor_names: the sensors' names [``sensor``, or ``sensor-1``, ``sensor-2``, ...].
-        offset: of several sensors, by how much the first depth frame of each comes after that of the one before (s);
-            or ``motion``, to find it by what moves; or ``clock``, if their files were written by one clock.
-        box: which frames show the calibration box; they are kept apart from the others.
-        seconds: keep only what was recorded in this time, and the box's frames.
-        overwrite: replace a recording that stands there already.
+        options: what is stated of the cameras, the clocks, the box; which frames are kept.
         progress: called after each frame.
         readings: called with each sensor's name and what its readings are like, in words.
 
@@ -61,17 +45,17 @@ def import_recording(
             use; too little is known of the camera; its times cannot be; the clocks have no time in common; motion tells
             no offset; no frames of the box, or of anything else, are at the stated times; or ``out`` is in use.
     """
-    inputs = open_inputs(paths, out, stated=stated, format_name=format_name, sensor_names=sensor_names, box=box)
-    shifts, told = time_shifts(inputs, offset)
+    inputs, box = open_inputs(paths, out, options), options.box
+    shifts, told = time_shifts(inputs, options.offset)
     created_by = "; ".join([f"bonetrack import of {' and '.join(one.in_words() for one in inputs)}", *told])
     sensors = [one.sensor for one in inputs]
-    with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=overwrite) as writer:
+    with RecordingWriter(out, sensors=sensors, created_by=created_by, overwrite=options.overwrite) as writer:
         if box is not None:
             writer.set_box(box.size_m)
         for one in inputs:
             if one.box_path is not None:
                 write_box_frames(writer, one.sensor, one.opened(one.box_path), one.box_path)
-        parts, filmed = Parts(None if box is None else box.seconds, seconds), {}
+        parts, filmed = Parts(None if box is None else box.seconds, options.seconds), {}
         for one, shift_s in zip(inputs, shifts, strict=True):
             filmed[one.sensor.name] = _write(writer, one, shift_s, parts, progress, readings)
         refuse_clocks_apart(filmed, where=out)

@@ -7,7 +7,7 @@ backward (``track.backward_pass``); those lines tell the anchor that tracking we
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from adapt.anatomy import Floats
+from adapt.fit.posterior import deviations
 from adapt.match.correspondences import Target
 from adapt.model.pose_space import reported_coordinates, root_coordinates
 from adapt.subject import Subject
@@ -24,7 +25,7 @@ from capture.cloud.fuse import Region, fuse, region_of_interest
 from capture.errors import CloudError
 from capture.files import left_over, remove_left_over
 from capture.journal import MARK as JOURNAL_MARK
-from capture.journal import Journal, journal_key, resume_journal
+from capture.journal import Journal, Told, journal_key, resume_journal
 from capture.own import refuse_any_foreign
 from capture.recording import Instant, Recording, instants, refuse_useless_depth
 from track.angles import refuse_without_humerus, thoraco_humeral
@@ -36,10 +37,10 @@ from track.export.quality_table import QUALITY, write_quality
 from track.first_look import refuse_a_stranger, refuse_two_limbs
 from track.motion import MARK, Motion, MotionError, bones_and_centres, coordinate_names, save_motion
 from track.observed_bones import known_thetas
+from track.options import AS_USUAL, TrackOptions
 from track.out_of_step import in_step
-from track.poses_by_hand import HandPose
 from track.prefetch import one_ahead
-from track.settings import Settings, settings_of
+from track.settings import Settings
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
 
@@ -54,12 +55,10 @@ def track_recording(
     recording: Recording,
     subject: Subject,
     out: Path,
+    options: TrackOptions = AS_USUAL,
     *,
-    region: Region | None = None,
-    poses: Sequence[HandPose] = (),
-    world_from_thorax: Floats | None = None,
-    keep_searching: bool = False,
     progress: Progress = lambda done, total: None,
+    told: Told = lambda _: None,
 ) -> Motion:
     """Track a subject through a recording and write the motion folder ``out``.
 
@@ -67,11 +66,9 @@ def track_recording(
         recording: calibrated, or of a single sensor.
         subject: who moves.
         out: the folder to write; a run that was cut short there is continued.
-        region: where the limb is, instead of the recording's or the automatic region.
-        poses: set by hand for single frames; tracking starts from each, onward and back into the gap before it.
-        world_from_thorax: (4, 4), if ISB's thoraco-humeral angles are wanted.
-        keep_searching: go on where neither the first frame nor a few others show the subject.
+        options: where to look, from which poses, and what decides.
         progress: told how many frames of how many are done; gaps that are gone into backward count on.
+        told: told in a line if a run that was cut short cannot be continued.
 
     Raises:
         OutputError: a file of the folder has a motion's name, but is none that bonetrack wrote.
@@ -79,48 +76,31 @@ def track_recording(
             the recording does not show the subject, or two limbs that could be the subject's.
         RecordingError, CalibrationError: see ``fuse``.
     """
-    if world_from_thorax is not None:
+    if options.world_from_thorax is not None:
         refuse_without_humerus(subject.anatomy)  # told before the work, not after it
     refuse_useless_depth(recording)
     moments = instants(recording)
-    by_hand = _by_frame(poses, len(moments))
+    by_hand = options.by_frame(len(moments))
     _make_folder(out)
-    tracker = make_tracker(subject)
-    settings = _settings(recording, tracker, region, poses, world_from_thorax)
-    region = region or region_of_interest(recording)
-    journal = resume_journal(out / JOURNAL, _key(recording, tracker, region, by_hand))
-    work = _Work(tracker, recording, region, moments, journal, looks_first=not (by_hand or keep_searching))
+    tracker = make_tracker(subject, options.thresholds)
+    settings = options.used(recording, subject=subject_fingerprint(subject), thresholds=tracker.decided_by())
+    region = options.region or region_of_interest(recording)
+    journal = resume_journal(out / JOURNAL, _key(recording, tracker, options, region), told)
+    looks_first = not (by_hand or options.keep_searching)
+    work = _Work(tracker, recording, region, moments, journal, looks_first=looks_first)
     frames = work.forward(by_hand, progress)
     frames = work.backward(frames, progress)
     motion = _motion(subject, in_step(subject.anatomy, frames), settings)
-    write_motion_folder(motion, subject, out, world_from_thorax=world_from_thorax)
+    write_motion_folder(motion, subject, out, world_from_thorax=options.world_from_thorax)
     journal.remove()
     return motion
 
 
-def _settings(
-    recording: Recording,
-    tracker: Tracker,
-    region: Region | None,
-    poses: Sequence[HandPose],
-    world_from_thorax: Floats | None,
-) -> Settings:
-    return settings_of(
-        recording,
-        tracker.thresholds(),
-        subject=subject_fingerprint(tracker.subject),
-        region=region,
-        poses=poses,
-        world_from_thorax=world_from_thorax,
-    )
-
-
-def _key(recording: Recording, tracker: Tracker, region: Region, by_hand: Mapping[int, Floats]) -> str:
+def _key(recording: Recording, tracker: Tracker, options: TrackOptions, region: Region) -> str:
     """What a journal must have been begun with to be gone on with."""
     subject = tracker.subject
     person = (subject.body.shape, subject.body.v_hat, subject.thetas, subject.covariance, str(tracker.usual_m))
-    hands = [part for frame, theta in sorted(by_hand.items()) for part in (str(frame), theta)]
-    return journal_key(recording, *person, region.minimum, region.maximum, *hands)
+    return journal_key(recording, *person, *options.decide(region))
 
 
 @dataclass(frozen=True)
@@ -199,15 +179,6 @@ class _Work:
         return self.tracker.follow(target, time_s, state, searching=searching)
 
 
-def _by_frame(poses: Sequence[HandPose], frames: int) -> dict[int, Floats]:
-    """Poses (n,) by frame."""
-    strange = [pose for pose in poses if not 0 <= pose.frame < frames]
-    if strange:
-        problem = f"pose {strange[0].name!r} is of frame {strange[0].frame}"
-        raise MotionError(problem, remedy=f"frames run from 0 to {frames - 1}")
-    return {pose.frame: pose.theta for pose in poses}
-
-
 def write_motion_folder(
     motion: Motion, subject: Subject, out: Path, *, world_from_thorax: Floats | None = None
 ) -> None:
@@ -237,14 +208,13 @@ def _motion(subject: Subject, frames: list[TrackedFrame], settings: Settings) ->
     thetas = np.array([frame.theta for frame in frames])
     shown = np.array([frame.shown for frame in frames])
     transforms, centres = bones_and_centres(subject, thetas, shown)
-    deviations = np.array([np.sqrt(np.diag(frame.covariance)) for frame in frames])
-    deviations[~np.isfinite(thetas)] = np.nan
+    sure = np.where(np.isfinite(thetas), deviations(np.array([frame.covariance for frame in frames])), np.nan)
     return Motion(
         anatomy=subject.anatomy.name,
         coordinates=coordinate_names(subject.anatomy),
         times=np.array([frame.time_s for frame in frames]),
         thetas=thetas,
-        deviations=deviations,
+        deviations=sure,
         lost=tuple(frame.lost for frame in frames),
         how=tuple("" if frame.lost else frame.how for frame in frames),
         shown=shown,
