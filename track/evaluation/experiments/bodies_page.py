@@ -92,7 +92,7 @@ def _measures(name: str) -> list[Measure]:
         aim = AIMS_DEG.get(coordinate, np.inf)
         rows.append((f"{coordinate}, varying (deg)", f"{aim:g}" if np.isfinite(aim) else "", _varying(coordinate, aim)))
         rows.append((f"{coordinate}, constant (deg)", "", _lasting(coordinate)))
-    rows.append(("skin (mm)", "", lambda bodies: (_mean_worst([np.mean(b["skin_mm"]) for b in bodies]), False)))
+    rows.append(("skin (mm)", "", lambda bodies: (_mean_worst([float(np.mean(b["skin_mm"])) for b in bodies]), False)))
     rows.append(("frames lost", "", lambda bodies: (f"{sum(b['lost'] for b in bodies)}", False)))
     rows += [(f"{joint} centre within 2 SD (%)", f"{AIM_COVERED:g}", _covered_centre(joint)) for joint in joints]
     rows += [(f"{c} within 2 SD (%)", f"{AIM_COVERED:g}", _covered(c)) for c in _coordinates(name)]
@@ -118,7 +118,7 @@ def far_mm(result: Result, yardstick: str, joint: str) -> float:
 def length_percent(result: Result, segment: str) -> float:
     """How much too long a segment is (%)."""
     ours, true = result["yardsticks"]["carried"]["lengths_mm"][segment]
-    return 100.0 * (ours / true - 1.0)
+    return float(100.0 * (ours / true - 1.0))
 
 
 def varying_deg(result: Result, coordinate: str) -> float:
@@ -160,7 +160,7 @@ def _length(segment: str) -> Callable[[Sequence[Result]], tuple[str, bool]]:
 
 def _direction(segment: str) -> Callable[[Sequence[Result]], tuple[str, bool]]:
     return lambda bodies: (
-        _mean_worst([np.mean(body["yardsticks"]["carried"]["directions_deg"][segment]) for body in bodies]),
+        _mean_worst([float(np.mean(body["yardsticks"]["carried"]["directions_deg"][segment])) for body in bodies]),
         False,
     )
 

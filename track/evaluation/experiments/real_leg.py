@@ -144,7 +144,7 @@ def bound(leg: RealLeg) -> tuple[Body, Floats]:
     share = igl.barycentric_coordinates(place, *(there[corners[:, k]] for k in range(3)))
 
     def taken(values: Floats) -> Floats:
-        return np.einsum("nk,nk...->n...", share, values[corners])
+        return np.asarray(np.einsum("nk,nk...->n...", share, values[corners]))
 
     own = replace(
         anatomy,
