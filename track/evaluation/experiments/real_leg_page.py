@@ -84,8 +84,9 @@ def _followed(results: Mapping[str, Result]) -> str:
         within = 100.0 * float((np.abs(off) <= 2.0 * stated).mean())
         return f"""Followed: {result["frames"] - result["lost"]} of {result["frames"]} frames; first poses
 {result["start"]}; bones never seen: {", ".join(result["never_seen"]) or "none"}. The knee's angle is off by
-{off.mean():+.1f} degrees throughout and varies by {np.abs(off - off.mean()).mean():.1f}; {within:.0f} % of the frames
-are within two stated deviations."""
+{off.mean():+.1f} degrees throughout (its zero is that of our model laid on her landmarks, and how far her thigh goes on
+above her skin is a guess) and varies by {np.abs(off - off.mean()).mean():.1f}; {within:.0f} % of the frames are within
+two stated deviations."""
     return ""
 
 
