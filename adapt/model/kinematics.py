@@ -28,3 +28,17 @@ def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: in
         motion = joint_motion(anatomy, joint, theta, p, first_column)
         motions[joint.child] = motion if joint.parent is None else compose(motions[joint.parent], motion)
     return motions
+
+
+def bones_beyond(anatomy: Anatomy, bone: str) -> list[str]:
+    """A bone and all that hang on it.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> bones_beyond(load_anatomy("lower-limb-right"), "tibia")
+    ['tibia', 'foot']
+    """
+    bones = [bone]
+    for joint in anatomy.joints:  # parents come before their children
+        if joint.parent in bones:
+            bones.append(joint.child)
+    return bones
