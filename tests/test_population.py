@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from adapt.anatomy_file import load_anatomy
 from adapt.commands import adapt_command
+from adapt.fit.posterior import OF_PEOPLE
 from adapt.fit.stated_person import lengths_told
 from adapt.model.body import make_body
 from adapt.model.shape.population import ANYBODY, MEN_M, POPULATION, Person, residuals
@@ -97,8 +98,8 @@ def test_a_height_makes_the_same_data_surer_and_the_gain_is_told(body):
     seen = rng.normal(size=(4, m + q)) * 20.0
     data = seen.T @ seen + np.diag(np.r_[np.zeros(m), np.ones(q)])
     with_prior = [data + np.pad(prior(body, one).precision, (0, q)) for one in (person, ANYBODY)]
-    told = lengths_told(body, np.linalg.inv(with_prior[0]), person)
-    untold = lengths_told(body, np.linalg.inv(with_prior[1]), ANYBODY)
+    told = lengths_told(body, OF_PEOPLE**2 * np.linalg.inv(with_prior[0]), person)
+    untold = lengths_told(body, OF_PEOPLE**2 * np.linalg.inv(with_prior[1]), ANYBODY)
     assert len(told) == len(body.affine.groups) - 1
     for one, other in zip(told, untold, strict=True):
         assert one.sd_of_anybody_mm == pytest.approx(other.sd_mm, rel=1e-6)

@@ -14,7 +14,7 @@ from adapt.fit.alternate import adapt_body
 from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.noise import patch_noise, trusted
 from adapt.fit.pose import PoseEnergy, PoseFit, fit_pose
-from adapt.fit.posterior import body_covariance, pose_covariance, pose_sensitivity, unseen_noise
+from adapt.fit.posterior import OF_PEOPLE, body_covariance, pose_covariance, pose_sensitivity, unseen_noise
 from adapt.fit.problem import CERTAINTY_PLANE_WEIGHT, PATCH_M2
 from adapt.match.correspondences import Correspondences
 from adapt.match.skin_sample import SkinSample, sample_skin
@@ -93,10 +93,11 @@ def test_a_bodys_covariance_is_positive_and_smaller_than_what_was_known_before(l
     m = len(body.shape)
     np.testing.assert_array_equal(covariance, covariance.T)
     assert (np.linalg.eigvalsh(covariance) > 0.0).all()
+    by_noise = covariance / OF_PEOPLE**2
     before = np.linalg.inv(shape_prior(body.anatomy, body.affine).precision)
-    assert np.diag(covariance)[:m].sum() < 0.5 * np.diag(before).sum()
-    assert (np.diag(covariance)[m:] <= 1.0 + 1e-9).all()
-    assert np.diag(covariance)[m:].min() < 0.5
+    assert np.diag(by_noise)[:m].sum() < 0.5 * np.diag(before).sum()
+    assert (np.diag(by_noise)[m:] <= 1.0 + 1e-9).all()
+    assert np.diag(by_noise)[m:].min() < 0.5
 
 
 def test_a_body_is_less_sure_the_noisier_its_clouds_are(limb, covariance):

@@ -53,6 +53,9 @@ from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.errors import FitError
 
+OF_PEOPLE = 2.0
+"""How many times as far off as the noise alone would have it a body is: people are not of our model's making. By what
+joint centres of people by MakeHuman, moved by its rigs, were off by (docs/uncertainty.md)."""
 _SAMPLED_VERTICES = 2000
 _UNTOLD = 1e-6  # of what a pose is told on average, it is taken to be told of everything
 _ENOUGH = 400  # matches spread over the limb: with twice as many, deviations differ by 1 to 2 %
@@ -72,19 +75,21 @@ def body_covariance(body: Body, fits: Sequence[PoseFit], *, noise_m: float, pers
     matches = [fit.matches for fit in fits]
     energy = ShapeEnergy(body, fine, matches, sample, of, CERTAINTY_PLANE_WEIGHT, person)
     covariance = marginal_covariance(energy.quadratic(x).hessian, of.body)
-    return np.asarray(0.5 * (covariance + covariance.T))
+    return np.asarray(OF_PEOPLE**2 * 0.5 * (covariance + covariance.T))
 
 
 def with_other_prior(covariance: Floats, known: Floats, other: Floats) -> Floats:
-    """The covariance (n, n) that the same data would have left with another prior's precision than the ``known`` one's.
+    """The ``body_covariance`` (n, n) that the same data would have left with another prior than the ``known`` one.
 
     Both precisions (m, m) are those of the first m unknowns.
 
-    >>> with_other_prior(np.array([[0.25]]), np.array([[3.0]]), np.array([[1.0]])).tolist()  # the data's are 1
+    >>> one = OF_PEOPLE**2 * np.array([[0.25]])
+    >>> other = with_other_prior(one, np.array([[3.0]]), np.array([[1.0]]))  # the data's are 1
+    >>> (other / OF_PEOPLE**2).tolist()
     [[0.5]]
     """
     m, information = len(known), np.linalg.inv(covariance)
-    information[:m, :m] += other - known
+    information[:m, :m] += (other - known) / OF_PEOPLE**2
     return np.asarray(np.linalg.inv(information))
 
 
