@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
+from adapt.anatomy import Anatomy, Coordinate, Floats, Frame, Joint
 from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
@@ -39,13 +41,16 @@ ENDS = {"medial": (0.01, -0.005, -0.03), "front": (0.04, 0.01, 0.004), "high": (
 OPPOSITE = {"medial": "lateral", "front": "back", "high": "low"}
 RANGES = {"rad": (-0.8, 0.7, 0.15), "m": (-0.02, 0.03, 0.004)}
 
-EXAMPLES: dict[str, str | tuple[tuple[str, str], ...]] = {
-    "free": "hip",  # the joint of that name in the toy, or the axes of one in its ankle's place
-    "hinge": (ALONG,),
-    "universal": (ALONG, FORWARD),
-    "ball": (ALONG, FORWARD, UPWARD),
+UPRIGHT = Frame(("low",), ("low",), ("high",), ("medial",), ("lateral",))
+
+EXAMPLES: dict[str, str | dict[str, Any]] = {
+    "free": "hip",  # the joint of that name in the toy, or the parts of one in its ankle's place
+    "hinge": {"axes": (ALONG,)},
+    "universal": {"axes": (ALONG, FORWARD)},
+    "ball": {"axes": (ALONG, FORWARD, UPWARD)},
     "spline": "knee",
-    "cylindrical": (ALONG,),
+    "cylindrical": {"axes": (ALONG,)},
+    "curve": {"frames": (UPRIGHT,)},
 }
 
 
@@ -56,7 +61,8 @@ def example(name: str) -> tuple[Anatomy, Joint]:
         return toy, toy.joint(given)
     units = JOINT_TYPES[name].units
     own = tuple(Coordinate(f"q{k}", unit, *RANGES[unit]) for k, unit in enumerate(units))
-    joint = Joint("ankle", name, "shank", "foot", tuple(c.name for c in own), given, ("ankle_m", "ankle_l"))
+    parts = {"axes": (), "centre": ("ankle_m", "ankle_l")} | given
+    joint = Joint("ankle", name, "shank", "foot", tuple(c.name for c in own), **parts)
     spots = {end: MIDDLE + away for end, away in ENDS.items()} | {
         OPPOSITE[e]: MIDDLE - away for e, away in ENDS.items()
     }
@@ -103,8 +109,12 @@ def test_it_leaves_the_child_where_it_is_at_rest(case: tuple[Body, Joint]) -> No
         np.testing.assert_allclose(motion, np.eye(4), atol=1e-12)
 
 
-def test_it_varies_as_stated_with_theta_and_landmarks(case: tuple[Body, Joint]) -> None:
+@pytest.mark.parametrize("at", [None, 0.0, 1e-4, 0.5, 2.0])  # rad or m; None: somewhere in the range
+def test_it_varies_as_stated_with_theta_and_landmarks(case: tuple[Body, Joint], at: float | None) -> None:
     body, joint = case
+    theta = thetas_of(body, joint)[0]
+    if at is not None:
+        theta[joint_index(body.anatomy, joint)] = at
     anatomy, n = body.anatomy, len(body.anatomy.coordinates)
     frame = anatomy.bone(joint.child).frame
     names = dict.fromkeys([*joint.landmarks(), *frame.origin, *frame.y_from, *frame.y_to, *frame.z_from, *frame.z_to])
@@ -117,7 +127,7 @@ def test_it_varies_as_stated_with_theta_and_landmarks(case: tuple[Body, Joint]) 
         full = joint_motion(anatomy, joint, q[:n], seeded(landmarks, spare=n), 0)
         return replace(full, d_rotation=full.d_rotation[:, columns], d_translation=full.d_translation[:, columns])
 
-    check_motion(motion, np.r_[thetas_of(body, joint)[0], body.p.value[used].ravel()])
+    check_motion(motion, np.r_[theta, body.p.value[used].ravel()])
 
 
 @pytest.mark.parametrize("beyond", [0.0, 1.5])  # of the range
@@ -230,16 +240,35 @@ def of_axis(axis: TransformAxis, values: dict[str, float]) -> float:
 
 
 def placed_by(joint: OsimJoint, values: dict[str, float]) -> Floats:
-    """P X(q) C^-1 (4, 4), as OpenSim's documentation of its joints says."""
-    x = np.eye(4)
+    """P X(q) C^-1 (4, 4), as OpenSim's documentation and source of its joints say."""
+    x, own = np.eye(4), [values[c.name] for c in joint.coordinates if not c.locked]
     if joint.kind == "PinJoint":
-        x[:3, :3] = exp_so3(np.array([0.0, 0.0, values[joint.coordinates[0].name]]))
+        x[:3, :3] = exp_so3(np.array([0.0, 0.0, own[0]]))
+    elif joint.kind == "ConstantCurvatureJoint":
+        x = constant_curvature(np.array(own), *joint.own["length"])
+    elif joint.kind == "ScapulothoracicJoint":
+        x = on_ellipsoid(np.array(own), np.array(joint.own["thoracic_ellipsoid_radii_x_y_z"]))
     else:
         assert joint.kind == "CustomJoint"
         for axis in joint.axes[:3]:
             x[:3, :3] = x[:3, :3] @ exp_so3(of_axis(axis, values) * axis.axis)
         x[:3, 3] = sum(of_axis(axis, values) * axis.axis for axis in joint.axes[3:])
     return joint.in_parent @ x @ inverse(joint.in_child)
+
+
+def constant_curvature(q: Floats, length: float) -> Floats:
+    """X (4, 4) of an arc of that length (m) along y that is bent by q[:2], which are not zero, and twisted by q[2]."""
+    turn = Rotation.from_euler("XZY", q).as_matrix()
+    across = np.hypot(turn[0, 1], turn[2, 1])
+    angle = np.arctan2(across, turn[1, 1])
+    x, z = (1.0 - np.cos(angle)) / across * turn[[0, 2], 1]
+    return transform(turn, length / angle * np.array([x, np.sin(angle), z]))
+
+
+def on_ellipsoid(q: Floats, radii: Floats) -> Floats:
+    """X (4, 4) of a blade that is abducted, raised and turned upward on an ellipsoid of those radii (m)."""
+    turn = Rotation.from_euler("YXZ", q * [1.0, -1.0, 1.0]).as_matrix()
+    return transform(turn, radii * turn[:, 2])
 
 
 def values_in_opensim(body: Body, thetas: Floats) -> list[dict[str, float]]:
@@ -251,7 +280,7 @@ def values_in_opensim(body: Body, thetas: Floats) -> list[dict[str, float]]:
 def test_its_form_in_opensim_places_the_bones_where_ours_are(case: tuple[Body, Joint]) -> None:
     body, joint = case
     joints, thetas = osim_joints(body), thetas_of(body, joint)
-    owners = {coordinate.name: each.name for each in joints for coordinate in each.coordinates}
+    owners = {c.name: each.name for each in joints for c in each.coordinates if not c.locked}
     assert joints_of_coordinates(body.anatomy) == owners
     parts = set(JOINT_TYPES[joint.type].opensim_owners(joint).values())
     own = [axis for each in joints if each.name in parts for axis in each.axes]
@@ -277,7 +306,8 @@ def test_opensim_itself_places_them_there(case: tuple[Body, Joint], tmp_path: Pa
     state, thetas = model.initSystem(), thetas_of(body, joint)
     for theta, values in zip(thetas, values_in_opensim(body, thetas), strict=True):
         for coordinate in model.getCoordinateSet():
-            coordinate.setValue(state, values[coordinate.getName()], False)
+            if not coordinate.get_locked():
+                coordinate.setValue(state, values[coordinate.getName()], False)
         model.realizePosition(state)
         for name, frame in bone_frames(body, theta).items():
             there = model.getBodySet().get(name).getTransformInGround(state)

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
+from adapt.model.compiled.reach import arc, pole
 from adapt.model.compiled.rotations import add_cross, add_product, exp, left_jacobian, turn
-from adapt.model.compiled.rows import PLACE, SCREW
+from adapt.model.compiled.rows import ARC, GLIDE, HOLD, PLACE, SCREW, SWING
 from capture.compiled import compiled
 
 
@@ -26,7 +27,7 @@ class Chain(NamedTuple):
     kind: Ints  # (S,)
     before: Ints  # (S,) bone
     bone: Ints  # (S,)
-    coordinates: Ints  # (S, 6) where q stands in theta; all six of what is placed, else the first
+    coordinates: Ints  # (S, 6) where q stands in theta: six of what is placed, three, or the first
     rest: Floats  # (S,) of a screw: q at rest
     point: Floats  # (S, 3) of a screw: on its axis
     direction: Floats  # (S, 3) of a screw
@@ -34,11 +35,13 @@ class Chain(NamedTuple):
     shift: Floats  # (S,) of a screw: m for one of q
     knots: Floats  # (S, K) of a glide, the last repeated to fill the row
     pieces: Floats  # (S, 4, K - 1, 6) of a glide: r (rad) and o (m) as cubics of q - knot, highest power first
+    size: Floats  # (S, 3) m of what reaches
     after_rotation: Floats  # (S, 3, 3) of A
     after_translation: Floats  # (S, 3)
     d_point: Floats  # (S, 3, m), and so on
     d_direction: Floats
     d_pieces: Floats  # (S, 4, K - 1, 6, m)
+    d_size: Floats
     d_after_rotation: Floats  # (S, 3, m)
     d_after_translation: Floats
 
@@ -85,25 +88,8 @@ def _move(
         for i in range(3):
             for c in range(6 + m):
                 h.d_rotation[i, c], h.d_translation[i, c] = 0.0, 0.0
-        own = 1
-        if chain.kind[s] == PLACE:
-            own = 6
-            for i in range(3):
-                q[i] = theta[chain.coordinates[s, i]]
-                h.translation[i] = theta[chain.coordinates[s, 3 + i]]
-                h.d_translation[i, 3 + i] = 1.0
-            exp(q, g)
-            left_jacobian(q, h.d_rotation)  # fills the first three columns
-        elif chain.kind[s] == SCREW:
-            step = theta[chain.coordinates[s, 0]] - chain.rest[s]
-            _screw(chain.direction[s], chain.point[s], chain.turn[s], chain.shift[s], step, h, q, g)
-            if m > 0:
-                _vary_screw(chain, s, step, h, q, g, varied)
-        else:
-            at = theta[chain.coordinates[s, 0]]
-            _glide(chain.knots[s], chain.pieces[s], at, h, q, g)
-            if m > 0:
-                _vary_glide(chain.knots[s], chain.d_pieces[s], at, h, q, varied)
+            h.translation[i] = 0.0
+        own = _own(chain, theta, s, h, q, g, varied)
         turn(g, chain.after_translation[s], q)
         add_cross(q, h.d_rotation, -1.0, h.d_translation)
         add_product(g, chain.d_after_rotation[s], h.d_rotation[:, 6:])
@@ -122,6 +108,57 @@ def _move(
                     bones.d_translation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_translation[j, c]
         add_product(outer.rotation, h.d_rotation[:, 6:], bones.d_rotation[chain.bone[s]][:, len(theta) :])
         add_product(outer.rotation, h.d_translation[:, 6:], bones.d_translation[chain.bone[s]][:, len(theta) :])
+
+
+@compiled
+def _own(chain: Chain, theta: Floats, s: int, h: _Step, q: Floats, g: Floats, varied: Floats) -> int:
+    """G of one row: shift and derivatives go to ``h``, the rotation to ``g``; returns how many coordinates it has."""
+    kind, m = chain.kind[s], varied.shape[1]
+    if kind == SCREW:
+        step = theta[chain.coordinates[s, 0]] - chain.rest[s]
+        _screw(chain.direction[s], chain.point[s], chain.turn[s], chain.shift[s], step, h, q, g)
+        if m > 0:
+            _vary_screw(chain, s, step, h, q, g, varied)
+        return 1
+    if kind == GLIDE:
+        at = theta[chain.coordinates[s, 0]]
+        _glide(chain.knots[s], chain.pieces[s], at, h, q, g)
+        if m > 0:
+            _vary_glide(chain.knots[s], chain.d_pieces[s], at, h, q, varied)
+        return 1
+    for i in range(3):
+        q[i] = theta[chain.coordinates[s, i]]
+    if kind in (PLACE, SWING):
+        exp(q, g)
+        left_jacobian(q, h.d_rotation)  # fills the first three columns
+        if kind == SWING:
+            return 3
+        for i in range(3):
+            h.translation[i] = theta[chain.coordinates[s, 3 + i]]
+            h.d_translation[i, 3 + i] = 1.0
+        return 6
+    for i in range(3):
+        for j in range(3):
+            g[i, j] = 1.0 if i == j else 0.0
+    if kind == HOLD:
+        return 0
+    _reach(chain, s, h, q)
+    return 3
+
+
+@compiled
+def _reach(chain: Chain, s: int, h: _Step, q: Floats) -> None:
+    """A shift by size * w(q); q becomes w."""
+    if chain.kind[s] == ARC:
+        arc(q, h.d_translation)
+    else:
+        pole(q, h.d_translation)
+    for i in range(3):
+        h.translation[i] = chain.size[s, i] * q[i]
+        for c in range(3):
+            h.d_translation[i, c] *= chain.size[s, i]
+        for k in range(chain.d_size.shape[2]):
+            h.d_translation[i, 6 + k] = q[i] * chain.d_size[s, i, k]
 
 
 @compiled

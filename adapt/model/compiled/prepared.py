@@ -39,11 +39,13 @@ def prepare_chain(anatomy: Anatomy, p: Points) -> Chain:
         shift=np.array([row.shift for row in rows]),
         knots=np.array([np.pad(row.knots, (0, widest - len(row.knots)), mode="edge") for row in rows]),
         pieces=np.array([_padded(row.pieces, widest - 1) for row in rows]),
+        size=np.array([row.size for row in rows]),
         after_rotation=np.array([row.after.rotation for row in rows]),
         after_translation=np.array([row.after.translation for row in rows]),
         d_point=_columns([row.axis.d_point for row in rows], p.n),
         d_direction=_columns([row.axis.d_direction for row in rows], p.n),
         d_pieces=d_pieces,
+        d_size=_columns([row.d_size for row in rows], p.n),
         d_after_rotation=_columns([row.after.d_rotation for row in rows], p.n),
         d_after_translation=_columns([row.after.d_translation for row in rows], p.n),
     )

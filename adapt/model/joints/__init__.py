@@ -2,6 +2,9 @@
 
 T_child = T_parent H(q, q_rest; p), with H the identity at rest. Writing the joint in rest space keeps
 T_b(theta) = F_b(theta) F_b(rest)^-1 (paper, section 3.1) without a frame of its own at every joint.
+
+The limbs have free joints, hinges, universal joints, balls and splines. Curves (the spine) are for a trunk, which no
+anatomy that ships has yet.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from typing import Literal
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.derivatives import Motion, Points
 from adapt.model.joints.ball import Ball
+from adapt.model.joints.curve import Curve
 from adapt.model.joints.cylindrical import Cylindrical
 from adapt.model.joints.free import Free
 from adapt.model.joints.hinge import Hinge
@@ -25,6 +29,7 @@ _TYPES: tuple[JointType, ...] = (
     Ball(),
     Spline(),
     Cylindrical(),
+    Curve(),
 )
 JOINT_TYPES = {each.name: each for each in _TYPES}
 """Every type of joint by the name that an anatomy gives it."""
