@@ -51,6 +51,7 @@ EXAMPLES: dict[str, str | dict[str, Any]] = {
     "spline": "knee",
     "cylindrical": {"axes": (ALONG,)},
     "curve": {"frames": (UPRIGHT,)},
+    "ellipsoid": {"frames": (UPRIGHT,), "axes": (FORWARD, UPWARD, ("medial", "lateral"))},
 }
 
 

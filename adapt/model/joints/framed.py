@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 
-from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.anatomy import Anatomy, Floats, Frame, Joint
 from adapt.model.compiled.rows import Row, hold
 from adapt.model.derivatives import Motion, Points, compose, constant_points, invert
 from adapt.model.frames import frame_from_landmarks
@@ -61,3 +61,12 @@ class Framed(JointType):
         """X(q_rest)^-1 F^-1."""
         at_rest = self.placed(anatomy, joint, rest_values(anatomy, joint), p, ())
         return invert(compose(frame, at_rest))
+
+
+def turned_over(frame: Frame) -> Frame:
+    """The mirror image of a frame F of mirrored landmarks in which turns keep their signs: -S F, as of axes.
+
+    >>> turned_over(Frame(("GH",), ("AI",), ("AA",), ("TS",), ("AA",)))
+    Frame(origin=('GH',), y_from=('AA',), y_to=('AI',), z_from=('AA',), z_to=('TS',))
+    """
+    return Frame(frame.origin, frame.y_to, frame.y_from, frame.z_to, frame.z_from)
