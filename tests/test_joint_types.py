@@ -52,6 +52,7 @@ EXAMPLES: dict[str, str | dict[str, Any]] = {
     "cylindrical": {"axes": (ALONG,)},
     "curve": {"frames": (UPRIGHT,)},
     "ellipsoid": {"frames": (UPRIGHT,), "axes": (FORWARD, UPWARD, ("medial", "lateral"))},
+    "socket": {"frames": (UPRIGHT,)},
 }
 
 

@@ -3,8 +3,8 @@
 T_child = T_parent H(q, q_rest; p), with H the identity at rest. Writing the joint in rest space keeps
 T_b(theta) = F_b(theta) F_b(rest)^-1 (paper, section 3.1) without a frame of its own at every joint.
 
-The limbs have free joints, hinges, universal joints, balls and splines. Curves (the spine) and ellipsoids (the
-shoulder blade) are for a trunk, which no anatomy that ships has yet.
+The limbs have free joints, hinges, universal joints, balls and splines. Curves (the spine), ellipsoids (the
+shoulder blade) and sockets (the shoulder) are for a trunk, which no anatomy that ships has yet.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from adapt.model.joints.ellipsoid import Ellipsoid
 from adapt.model.joints.free import Free
 from adapt.model.joints.hinge import Hinge
 from adapt.model.joints.joint_type import JointType
+from adapt.model.joints.socket import Socket
 from adapt.model.joints.spline import Spline
 from adapt.model.joints.universal import Universal
 
@@ -32,6 +33,7 @@ _TYPES: tuple[JointType, ...] = (
     Cylindrical(),
     Curve(),
     Ellipsoid(),
+    Socket(),
 )
 JOINT_TYPES = {each.name: each for each in _TYPES}
 """Every type of joint by the name that an anatomy gives it."""

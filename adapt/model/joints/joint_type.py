@@ -23,6 +23,7 @@ class JointType(ABC):
     axes: ClassVar[int] = 0  # how many
     free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
     child_carries_centre: ClassVar[bool] = False  # as well as the parent: the child only turns about it
+    rotation_vector: ClassVar[tuple[int, ...]] = ()  # which coordinates are one: they neither add nor subtract
     turned_over: ClassVar[tuple[int, ...]] = ()  # which coordinates change their signs in the mirror image
 
     def problem(self, joint: Joint) -> str | None:
