@@ -18,8 +18,8 @@ from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
 from adapt.model.compiled.chain import move_bones
 from adapt.model.compiled.prepared import prepare_chain
-from adapt.model.derivatives import Motion, constant_points
-from adapt.model.joints import JOINT_TYPES, joint_motion
+from adapt.model.derivatives import Motion, compose, constant_points, invert
+from adapt.model.joints import JOINT_TYPES
 from adapt.model.joints.opensim import OsimJoint, TransformAxis
 from adapt.model.kinematics import bone_motions
 from adapt.model.parts import refuse_wrong_parts
@@ -31,7 +31,7 @@ from tests.test_model import check_motion, seeded
 from tests.toy_leg import place, toy_leg, with_joint
 from track.evaluation import opensim_tools
 from track.export.osim import write_osim
-from track.export.osim_joints import body_frames, joints_of_coordinates, osim_joints
+from track.export.osim_joints import body_frames, follower_columns, joints_of_coordinates, osim_joints
 from track.export.osim_motion import in_si_with_coupled
 
 REFLECTION = np.diag([1.0, 1.0, -1.0, 1.0])
@@ -53,6 +53,12 @@ EXAMPLES: dict[str, str | dict[str, Any]] = {
     "curve": {"frames": (UPRIGHT,)},
     "ellipsoid": {"frames": (UPRIGHT,), "axes": (FORWARD, UPWARD, ("medial", "lateral"))},
     "socket": {"frames": (UPRIGHT,)},
+    "strut": {
+        "parent": "thigh",
+        "other": "shank",
+        "axes": (("hip", "low"),),
+        "frames": (Frame(("hip",), ("back",), ("front",), ("hip",), ("low",)),),
+    },
 }
 
 
@@ -63,8 +69,8 @@ def example(name: str) -> tuple[Anatomy, Joint]:
         return toy, toy.joint(given)
     units = JOINT_TYPES[name].units
     own = tuple(Coordinate(f"q{k}", unit, *RANGES[unit]) for k, unit in enumerate(units))
-    parts = {"axes": (), "centre": ("ankle_m", "ankle_l")} | given
-    joint = Joint("ankle", name, "shank", "foot", tuple(c.name for c in own), **parts)
+    parts = {"parent": "shank", "axes": (), "centre": ("ankle_m", "ankle_l")} | given
+    joint = Joint(name="ankle", type=name, child="foot", coordinates=tuple(c.name for c in own), **parts)
     spots = {end: MIDDLE + away for end, away in ENDS.items()} | {
         OPPOSITE[e]: MIDDLE - away for e, away in ENDS.items()
     }
@@ -93,7 +99,7 @@ def thetas_of(body: Body, joint: Joint, count: int = 6) -> Floats:
     """Poses (T, n): the joint anywhere in its range, the others near rest."""
     rng = np.random.default_rng(5)
     thetas = rest_theta(body) + rng.uniform(-0.1, 0.1, (count, len(body.anatomy.coordinates)))
-    if not JOINT_TYPES[joint.type].free:
+    if joint.coordinates and not JOINT_TYPES[joint.type].free:
         own = [body.anatomy.coordinates[i] for i in joint_index(body.anatomy, joint)]
         low, high = np.array([(c.low, c.high) for c in own]).T
         thetas[:, joint_index(body.anatomy, joint)] = rng.uniform(low, high, (count, len(own)))
@@ -119,14 +125,20 @@ def test_it_varies_as_stated_with_theta_and_landmarks(case: tuple[Body, Joint], 
         theta[joint_index(body.anatomy, joint)] = at
     anatomy, n = body.anatomy, len(body.anatomy.coordinates)
     frame = anatomy.bone(joint.child).frame
-    names = dict.fromkeys([*joint.landmarks(), *frame.origin, *frame.y_from, *frame.y_to, *frame.z_from, *frame.z_to])
+    others = [each.landmarks() for each in anatomy.joints if each.child == joint.other]
+    names = dict.fromkeys(
+        [*joint.landmarks(), *frame.origin, *frame.y_from, *frame.y_to, *frame.z_from, *frame.z_to, *sum(others, ())]
+    )
     used = np.array([anatomy.landmark_index(name) for name in names])
     columns = [*range(n), *(n + 3 * k + c for k in used for c in range(3))]
 
     def motion(q: Floats) -> Motion:
         landmarks = body.p.value.copy()
         landmarks[used] = q[n:].reshape(-1, 3)
-        full = joint_motion(anatomy, joint, q[:n], seeded(landmarks, spare=n), 0)
+        moved = bone_motions(anatomy, q[:n], seeded(landmarks, spare=n))
+        full = moved[joint.child]
+        if joint.parent is not None:
+            full = compose(invert(moved[joint.parent]), full)
         return replace(full, d_rotation=full.d_rotation[:, columns], d_translation=full.d_translation[:, columns])
 
     check_motion(motion, np.r_[theta, body.p.value[used].ravel()])
@@ -166,7 +178,8 @@ def test_the_mirror_image_moves_as_the_mirror_image(case: tuple[Body, Joint]) ->
     left = mirrored_body(right)
     signs = np.ones(len(right.anatomy.coordinates))
     for each in right.anatomy.joints:
-        signs[np.array(joint_index(right.anatomy, each))[list(JOINT_TYPES[each.type].turned_over)]] = -1.0
+        index, turned = joint_index(right.anatomy, each), JOINT_TYPES[each.type].turned_over
+        signs[[index[k] for k in turned]] = -1.0
     np.testing.assert_allclose(rest_theta(left), signs * rest_theta(right), atol=1e-12)
     for theta in thetas_of(right, joint):
         others = bone_transforms(left, signs * theta)
@@ -203,12 +216,12 @@ def test_an_unknown_type_is_refused_in_one_line_with_the_known_ones(case: tuple[
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"coordinates": ()}, "coordinate"),
+        ({"coordinates": ("point",) * 5}, "coordinate"),
         ({"axes": (ALONG,) * 4}, "axes"),
         ({"knots": (0.0,)}, "knot"),
         ({"parent": "another"}, "parent"),
     ],
-    ids=["no coordinates", "four axes", "a knot", "a parent where there is none"],
+    ids=["five coordinates", "four axes", "a knot", "a parent where there is none"],
 )
 def test_parts_that_make_none_are_refused(case: tuple[Body, Joint], wrong: dict[str, object], message: str) -> None:
     body, joint = case
@@ -275,7 +288,10 @@ def on_ellipsoid(q: Floats, radii: Floats) -> Floats:
 
 def values_in_opensim(body: Body, thetas: Floats) -> list[dict[str, float]]:
     """What the model's coordinates are, pose by pose."""
-    columns = in_si_with_coupled(body.anatomy, reported_coordinates(body.anatomy, thetas))
+    placed = [bone_transforms(body, theta) for theta in thetas]
+    transforms = {bone.name: np.array([each[bone.name] for each in placed]) for bone in body.anatomy.bones}
+    reported = reported_coordinates(body.anatomy, thetas) | follower_columns(body, transforms)
+    columns = in_si_with_coupled(body.anatomy, reported)
     return [{name: float(values[t]) for name, values in columns.items()} for t in range(len(thetas))]
 
 

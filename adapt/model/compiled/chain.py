@@ -10,52 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adapt.anatomy import Floats, Ints
+from adapt.anatomy import Floats
+from adapt.model.compiled.links import Bones, Chain
+from adapt.model.compiled.pointing import point_at, swing_along
 from adapt.model.compiled.reach import arc, pole
 from adapt.model.compiled.rotations import add_cross, add_product, exp, left_jacobian, turn
-from adapt.model.compiled.rows import ARC, GLIDE, HOLD, PLACE, SCREW, SWING
+from adapt.model.compiled.rows import ARC, GLIDE, HOLD, PLACE, SCREW, SWING, TOWARDS
 from capture.compiled import compiled
-
-
-class Chain(NamedTuple):
-    """S elementary motions, parents before children: H = G(q) A, T_bone = T_before H.
-
-    They are the rows of ``adapt.model.compiled.rows``. A joint may have several, each with the bone that the one before
-    has moved as its ``before``, which is -1 where the motion starts from the recording's frame.
-    """
-
-    kind: Ints  # (S,)
-    before: Ints  # (S,) bone
-    bone: Ints  # (S,)
-    coordinates: Ints  # (S, 6) where q stands in theta: six of what is placed, three, or the first
-    rest: Floats  # (S,) of a screw: q at rest
-    point: Floats  # (S, 3) of a screw: on its axis
-    direction: Floats  # (S, 3) of a screw
-    turn: Floats  # (S,) of a screw: rad for one of q
-    shift: Floats  # (S,) of a screw: m for one of q
-    knots: Floats  # (S, K) of a glide, the last repeated to fill the row
-    pieces: Floats  # (S, 4, K - 1, 6) of a glide: r (rad) and o (m) as cubics of q - knot, highest power first
-    size: Floats  # (S, 3) m of what reaches
-    after_rotation: Floats  # (S, 3, 3) of A
-    after_translation: Floats  # (S, 3)
-    d_point: Floats  # (S, 3, m), and so on
-    d_direction: Floats
-    d_pieces: Floats  # (S, 4, K - 1, 6, m)
-    d_size: Floats
-    d_after_rotation: Floats  # (S, 3, m)
-    d_after_translation: Floats
-
-
-class Bones(NamedTuple):
-    """Motions of B bones with their n + m derivatives, as in ``adapt.model.derivatives.Motion``.
-
-    The last one is no bone but the recording's frame, which stays where it is.
-    """
-
-    rotation: Floats  # (B, 3, 3)
-    translation: Floats  # (B, 3)
-    d_rotation: Floats  # (B, 3, n + m)
-    d_translation: Floats  # (B, 3, n + m)
 
 
 class _Step(NamedTuple):
@@ -84,12 +45,16 @@ def _move(
     chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: Floats, g: Floats, varied: Floats
 ) -> None:
     m = varied.shape[1]
+    swung = np.zeros((3, len(theta) + m))  # how what points at another bone turns with everything
     for s in range(len(chain.kind)):
         for i in range(3):
             for c in range(6 + m):
                 h.d_rotation[i, c], h.d_translation[i, c] = 0.0, 0.0
             h.translation[i] = 0.0
-        own = _own(chain, theta, s, h, q, g, varied)
+        if chain.kind[s] == TOWARDS:
+            own = point_at(chain, s, bones, g, swung)
+        else:
+            own = _own(chain, theta, s, h, q, g, varied)
         turn(g, chain.after_translation[s], q)
         add_cross(q, h.d_rotation, -1.0, h.d_translation)
         add_product(g, chain.d_after_rotation[s], h.d_rotation[:, 6:])
@@ -108,6 +73,8 @@ def _move(
                     bones.d_translation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_translation[j, c]
         add_product(outer.rotation, h.d_rotation[:, 6:], bones.d_rotation[chain.bone[s]][:, len(theta) :])
         add_product(outer.rotation, h.d_translation[:, 6:], bones.d_translation[chain.bone[s]][:, len(theta) :])
+        if chain.kind[s] == TOWARDS:
+            swing_along(outer.rotation, chain.after_translation[s], g, swung, bones, chain.bone[s])
 
 
 @compiled

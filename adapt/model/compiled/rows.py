@@ -9,7 +9,7 @@ import numpy as np
 from adapt.anatomy import Floats
 from adapt.model.derivatives import Line, Motion
 
-PLACE, SCREW, GLIDE, HOLD, SWING, ARC, POLE = range(7)
+PLACE, SCREW, GLIDE, HOLD, SWING, ARC, POLE, TOWARDS = range(8)
 _NOWHERE = Line(np.zeros(3), np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0)))
 _STILL = Motion(np.eye(3), np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0)))
 
@@ -21,7 +21,7 @@ class Row(NamedTuple):
     """
 
     kind: int
-    coordinates: tuple[int, ...]  # which of the joint's own q is: six to be placed, three to swing or reach, else one
+    coordinates: tuple[int, ...]  # which of the joint's own q is: six to be placed, three to swing, one or none
     rest: float = 0.0  # rad or m, of a screw: q at rest
     axis: Line = _NOWHERE  # of a screw
     turn: float = 0.0  # of a screw: radians for one of q
@@ -41,7 +41,7 @@ def place(after: Motion) -> Row:
 
 def hold(after: Motion) -> Row:
     """G = I: A alone, which no coordinate moves."""
-    return Row(HOLD, (0,), after=after)
+    return Row(HOLD, (), after=after)
 
 
 def swing(after: Motion) -> Row:
@@ -52,6 +52,11 @@ def swing(after: Motion) -> Row:
 def reach(kind: int, size: Floats, d_size: Floats) -> Row:
     """G = [I, size * w(q)] of three coordinates, axis by axis; w is of that kind (adapt.model.compiled.reach)."""
     return Row(kind, (0, 1, 2), size=size, d_size=d_size)
+
+
+def towards(end: Line, side: float, after: Motion) -> Row:
+    """G = [Ry Rx, 0] so that z (-z where ``side`` is -1) points at a landmark that the joint's other bone carries."""
+    return Row(TOWARDS, (), axis=end, turn=side, after=after)
 
 
 def turn_about(axis: int, coordinate: int, *, turn: float = 1.0, after: Motion = _STILL) -> Row:

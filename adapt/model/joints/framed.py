@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import ClassVar, Literal
 
 from adapt.anatomy import Anatomy, Floats, Frame, Joint
 from adapt.model.compiled.rows import Row, hold
@@ -18,9 +19,9 @@ from adapt.model.joints.opensim import Resting
 
 
 class Framed(JointType):
-    """A joint of three turns whose one frame is fixed in the parent."""
+    """A joint whose one frame is fixed in the parent; of three turns, if it says no more."""
 
-    units = ("rad", "rad", "rad")
+    units: ClassVar[tuple[Literal["rad", "m"], ...]] = ("rad", "rad", "rad")
 
     def knots_problem(self, joint: Joint) -> str | None:
         """Why it has not one frame and no knots; None if all is well."""
