@@ -354,6 +354,8 @@ def test_a_truncated_truth(chain, recording):
         ("simulate", "--out", "o"),
         ("simulate", "--out", "o", "--anatomy", ANATOMY),
         ("simulate", "--out", "o", "--mesh", "m.npz", "--noise", "loud"),
+        ("simulate", "--out", "o", "--mesh", "m.npz", "--up", "+z"),
+        ("simulate", "--out", "o", "--anatomy", "a", "--motion", "m", "--up", "+z", "--forward", "+x"),
     ],
 )
 def test_a_wrong_command_line_ends_with_code_2(arguments):

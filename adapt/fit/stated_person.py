@@ -35,7 +35,7 @@ def lengths_told(body: Body, covariance: Floats, person: Person) -> list[ToldLen
     """The bones' lengths of a body whose shape and tissue (m + q) have that covariance, adapted as that person's."""
     mine, anybodys = (shape_prior(body.anatomy, body.affine, one) for one in (person, ANYBODY))
     without = with_other_prior(covariance, mine.precision, anybodys.precision)
-    expected = np.linalg.inv(mine.precision)
+    expected: Floats = np.asarray(np.linalg.inv(mine.precision), dtype=np.float64)
     told = []
     for (first, second), bone in bones_between_groups(body.anatomy, body.affine).items():
         length, along = _length(body, body.shape, first, second)

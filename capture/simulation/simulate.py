@@ -67,7 +67,7 @@ def simulate_recording(
         RecordingError: vertices or faces of the wrong shape, not finite or out of range; as many times as frames
             are missing; the motion does not fit into the images; the folder is taken.
     """
-    faces = _checked_faces(faces)
+    faces = checked_faces(faces)
     if rig is None:
         frames = list(frames)
         rig = default_rig(_swept_points(frames), seed=seed)
@@ -95,7 +95,7 @@ def _record_motion(
     """Write what the sensors see of every frame; the frames' times (s)."""
     stamps = []
     for index, (frame, time_s) in enumerate(frames):
-        vertices = _checked_vertices(frame, faces, index)
+        vertices = checked_vertices(frame, faces, index)
         scene = scene_of(vertices, faces)
         for number, sensor in enumerate(rig.sensors):
             rng = np.random.default_rng([seed, 1, number, index])
@@ -162,14 +162,16 @@ def _together(frames: Iterable[Floats], times: Iterable[float]) -> Iterator[tupl
         yield vertices, time_s
 
 
-def _checked_faces(faces: Ints) -> Ints:
+def checked_faces(faces: Ints) -> Ints:
+    """Triangles (F, 3) as whole numbers; RecordingError where they are none."""
     faces = np.asarray(faces)
     if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu" or faces.min() < 0:
         raise RecordingError(f"faces must be whole numbers of shape (F, 3), got {faces.dtype} {faces.shape}")
     return faces.astype(np.int64)
 
 
-def _checked_vertices(vertices: Floats, faces: Ints, index: int) -> Floats:
+def checked_vertices(vertices: Floats, faces: Ints, index: int) -> Floats:
+    """A frame's vertices (V, 3) m; RecordingError where the faces (F, 3) need others, or some are not finite."""
     vertices = np.asarray(vertices, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise RecordingError(f"frame {index}: vertices must have the shape (V, 3), got {vertices.shape}")

