@@ -88,12 +88,12 @@ def test_a_term_over_a_pose_and_the_shape_lands_in_both() -> None:
     np.testing.assert_allclose(arrow.quadratic().hessian, np.outer(expected, expected))
 
 
-def test_a_fit_keeps_the_bar_within_two_millimetres_where_the_data_would_stretch_it(limb: tuple[Body, Joint]) -> None:
+def test_a_fit_keeps_the_bar_within_two_millimetres_where_data_would_stretch_it(limb: tuple[Body, Joint]) -> None:
     body, joint = limb
     start = rest_theta(body)
     wanted = start.copy()
     wanted[body.anatomy.coordinate_index("bend")] += 0.5
-    precision = np.eye(len(start)) / np.deg2rad(5.0) ** 2
+    precision = np.eye(len(start)) / np.deg2rad(2.0) ** 2
 
     def quadratic(theta: Floats) -> Quadratic:
         return gaussian_term(theta, wanted, precision) + held_term(body, theta)

@@ -26,14 +26,18 @@ from adapt.model.joints.framed import Framed, turned_over
 from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, Resting, TransformAxis
 from capture.rigid import exp_so3, inverse
 
-HELD_M = 0.001
-"""How exactly the bar keeps its length: one standard deviation of the ends' distance."""
+HELD_M = 0.0002
+"""How exactly the bar keeps its length: one standard deviation of the ends' distance. Skin in sight pulls hard: some
+tens of independent patches, each known to 2 mm, would stretch a bar that is held to a millimetre."""
 
 _X, _Y, _Z = np.eye(3)
 
 
 class Strut(Framed):
-    """A bar between the landmarks of its one axis: from the parent, where its frame has its origin, to ``other``."""
+    """A bar between the landmarks of its one axis: from the parent, where its frame has its origin, to ``other``.
+
+    The frame's y must not run along the bar.
+    """
 
     name = "strut"
     units = ()
