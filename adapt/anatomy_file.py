@@ -33,6 +33,7 @@ from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 
 FORMAT = "bonetrack-anatomy"
+_TEMPLATES = Path(str(resources.files("adapt") / "templates"))
 VERSION = 2  # 2: ball and spline joints, bend deformers
 
 
@@ -117,9 +118,25 @@ def shipped_anatomy(name: str) -> Anatomy | None:
     >>> shipped_anatomy("upper-limb-left").side, shipped_anatomy("tail")
     ('left', None)
     """
-    if _shipped(name).is_file():
-        return read_anatomy(_shipped(name), where=_shipped(name))
-    other = _shipped(mirrored_name(name))
+    return _from_folder(_TEMPLATES, name)
+
+
+def former_anatomy(name: str) -> Anatomy | None:
+    """The anatomy of that name as it shipped before it was built anew; None if it never was.
+
+    Subjects and recordings made with it mean nothing without it, and only they ask for it.
+
+    >>> former_anatomy("lower-limb-left").side, former_anatomy("tail")
+    ('left', None)
+    """
+    return _from_folder(_TEMPLATES / "former", name)
+
+
+def _from_folder(folder: Path, name: str) -> Anatomy | None:
+    """The anatomy of that name in a folder, or the mirror image of one; None if there is none."""
+    own, other = folder / f"{name}.npz", folder / f"{mirrored_name(name)}.npz"
+    if own.is_file():
+        return read_anatomy(own, where=own)
     return mirrored(read_anatomy(other, where=other)) if other.is_file() else None
 
 
@@ -133,17 +150,13 @@ def _load_shipped(name: str) -> Anatomy:
     return anatomy
 
 
-def _shipped(name: str) -> Path:
-    return Path(str(resources.files("adapt") / "templates" / f"{name}.npz"))
-
-
 def anatomy_names() -> list[str]:
     """Names of all anatomies that ship with the package, with their mirror images.
 
     >>> anatomy_names()
     ['lower-limb-left', 'lower-limb-right', 'upper-limb-left', 'upper-limb-right']
     """
-    names = {path.stem for path in _shipped("any").parent.glob("*.npz")}
+    names = {path.stem for path in _TEMPLATES.glob("*.npz")}
     return sorted(names | {mirrored_name(name) for name in names})
 
 

@@ -1,16 +1,18 @@
 """A user's own anatomy inside the files that are made with it: a subject, the truth of a simulated recording.
 
 A subject means nothing without the very anatomy it was adapted from: its proportions are those of that anatomy's
-handles, its skin is told as a displacement of that anatomy's. An anatomy that ships with the package is named; a
-user's own is kept whole, so that the file can be copied, sent and tracked elsewhere, and says the same after the
-anatomy's file was changed, moved or lost. It is read as any anatomy's file: arrays of bounded sizes, nothing is
-unpickled.
+handles, its skin is told as a displacement of that anatomy's. An anatomy that ships with the package is named, with a
+digest of what it holds, for it may be built anew; files of before that have no digest, and are of the anatomy as it
+shipped then, which still lies in the package for them. A user's own is kept whole, so that the file can be copied, sent
+and tracked elsewhere, and says the same after the anatomy's file was changed, moved or lost. It is read as any
+anatomy's file: arrays of bounded sizes, nothing is unpickled.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
@@ -22,15 +24,28 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, anatomy_arrays
 from adapt.anatomy_check import refuse_unsound
-from adapt.anatomy_file import anatomy_description, load_anatomy, read_anatomy, shipped_anatomy, write_anatomy
+from adapt.anatomy_file import (
+    anatomy_description,
+    former_anatomy,
+    load_anatomy,
+    read_anatomy,
+    shipped_anatomy,
+    write_anatomy,
+)
 from adapt.mirror import mirrored_name
 from capture.errors import AnatomyError
 
 KEY = "anatomy_file"
 """The array (bytes) that an own anatomy is in a file; there is none where the anatomy ships with the package."""
 
+DIGEST = "anatomy_content"
+"""The array (text) that tells which content an anatomy that ships with the package had."""
+
 MOST_BYTES = 16 << 20
-"""Of that array: eight times the largest of the shipped anatomies'."""
+"""Of either array: eight times the largest of the shipped anatomies'."""
+
+
+_AGAIN = "use the version of bonetrack that it was made with, or make it anew"
 
 
 @lru_cache(maxsize=8)
@@ -99,17 +114,17 @@ def _shipped_content(name: str) -> str | None:
 
 
 def kept_anatomy(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
-    """What a file keeps of an anatomy beside its name: all of a user's own, nothing of one that ships.
+    """What a file keeps of an anatomy beside its name: all of a user's own, a digest of one that ships.
 
     Raises:
         AnatomyError: it would take more than ``MOST_BYTES``.
 
     >>> arm = load_anatomy("upper-limb-left")
     >>> list(kept_anatomy(arm)), list(kept_anatomy(replace(arm, landmarks=1.01 * arm.landmarks)))
-    ([], ['anatomy_file'])
+    (['anatomy_content'], ['anatomy_file'])
     """
     if is_shipped(anatomy):
-        return {}
+        return {DIGEST: np.array(content(anatomy))}
     packed = BytesIO()
     write_anatomy(anatomy, packed)
     size = packed.getbuffer().nbytes
@@ -122,23 +137,35 @@ def kept_anatomy(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
     return {KEY: np.frombuffer(packed.getvalue(), dtype=np.uint8)}
 
 
-def anatomy_kept(name: str, kept: NDArray[Any] | None, *, where: Path) -> Anatomy:
-    """The anatomy of a file ``where``, from its name and what ``kept_anatomy`` gave.
+def anatomy_kept(name: str, arrays: Mapping[str, NDArray[Any]], *, where: Path) -> Anatomy:
+    """The anatomy of a file ``where``, from its name and what ``kept_anatomy`` gave, among the file's ``arrays``.
 
     Raises:
-        AnatomyError: it is not there, or not sound.
+        AnatomyError: it is not there, or not sound, or ships with another content now.
         ValueError: no name of an anatomy.
 
-    >>> anatomy_kept("upper-limb-left", None, where=Path("subject.npz")).side
-    'left'
+    >>> left = load_anatomy("upper-limb-left")
+    >>> content(anatomy_kept("upper-limb-left", kept_anatomy(left), where=Path("subject.npz"))) == content(left)
+    True
     """
+    kept = arrays.get(KEY)
     if Path(name).name != name or (kept is None and Path(name).suffix):
         raise ValueError("an anatomy's name is expected")
     if kept is None:
-        try:
-            return load_anatomy(name)
-        except AnatomyError as error:
-            raise AnatomyError(error.problem, where=where, remedy=error.remedy) from error
+        return _that_shipped(name, arrays.get(DIGEST), where=where)
     anatomy = read_anatomy(BytesIO(np.asarray(kept, dtype=np.uint8).tobytes()), where=where)
     refuse_unsound(anatomy, where=where)
     return replace(anatomy, name=name)
+
+
+def _that_shipped(name: str, digest: NDArray[Any] | None, *, where: Path) -> Anatomy:
+    """The anatomy of that name that ships, or shipped when a file ``where`` without a ``digest`` was made."""
+    if digest is None and (former := former_anatomy(name)) is not None:
+        return former
+    try:
+        anatomy = load_anatomy(name)
+    except AnatomyError as error:
+        raise AnatomyError(error.problem, where=where, remedy=error.remedy) from error
+    if digest is not None and str(digest) != _shipped_content(name):
+        raise AnatomyError(f"made with another template of {name}", where=where, remedy=_AGAIN)
+    return anatomy

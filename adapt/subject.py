@@ -15,7 +15,7 @@ from adapt.anatomy_file import is_path, load_anatomy
 from adapt.model.body import Body, make_body
 from adapt.model.shape.population import MEN_M
 from adapt.model.shape.prior import overall_size
-from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept, content, kept_anatomy
+from adapt.own_anatomy import DIGEST, KEY, MOST_BYTES, anatomy_kept, content, kept_anatomy
 from adapt.tissue import MODES
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, unreadable
@@ -25,11 +25,11 @@ FORMAT = "bonetrack-subject"
 MARK = arrays_of(FORMAT)
 _USUAL = (0.88, 1.12)  # size against the template; grown-ups from about 1.55 to 1.97 m
 _CONTRADICTED = 0.12  # a size that differs by more from the stated one is neither the person's nor the prior's
-VERSION = 3  # 1: the covariance is that of the shape alone; 3: holds the anatomy itself, if that is a user's own
-_NAMED = 2  # what is written where the anatomy is one that ships
+# 1: the covariance is that of the shape alone; 3: holds the anatomy itself, if that is a user's own; 4: or a digest.
+VERSION = 4
 _MOST_BYTES = 16 << 20  # of one array, a hundred times the largest of the shipped anatomies'
 _KNOWN = dict.fromkeys(("description", "shape", "displacement", "thetas", "times", "covariance"), _MOST_BYTES)
-_KNOWN[KEY] = MOST_BYTES
+_KNOWN[KEY] = _KNOWN[DIGEST] = MOST_BYTES
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def save_subject(subject: Subject, path: Path) -> None:
     kept = kept_anatomy(subject.anatomy)
     description = {
         "format": FORMAT,
-        "version": VERSION if kept else _NAMED,
+        "version": VERSION,
         "anatomy": subject.anatomy.name,
         "skin_vertices": len(subject.body.v_hat),
         "report": subject.report,
@@ -149,14 +149,14 @@ def load_subject(path: Path, *, anatomy: str | None = None) -> Subject:
     try:
         read = read_arrays(path, _KNOWN)
         description = json.loads(str(read.pop("description")))
-        kept = read.pop(KEY, None)
+        kept = {key: read.pop(key) for key in (KEY, DIGEST) if key in read}
         arrays = {key: value.astype(np.float64) for key, value in read.items()}
         subject = _from_parts(path, description, arrays, kept)
     except UNREADABLE as error:
         problem = unreadable("a subject file", error)
         raise AnatomyError(problem, where=path, remedy="make one with `bonetrack adapt`") from error
     if anatomy is not None:
-        _refuse_other_anatomy(subject.anatomy, anatomy, path, own=kept is not None)
+        _refuse_other_anatomy(subject.anatomy, anatomy, path, own=KEY in kept)
     return subject
 
 
@@ -175,7 +175,7 @@ def _refuse_other_anatomy(anatomy: Anatomy, asked: str, path: Path, *, own: bool
         raise AnatomyError(problem, where=path, remedy=f"adapt one with --anatomy {asked}")
 
 
-def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], kept: NDArray[Any] | None) -> Subject:
+def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], kept: dict[str, NDArray[Any]]) -> Subject:
     if not isinstance(description, dict) or description.get("format") != FORMAT:
         raise AnatomyError("not a subject file", where=path, remedy="make one with `bonetrack adapt`")
     if description["version"] > VERSION:

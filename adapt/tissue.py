@@ -5,6 +5,11 @@ any. So the skin's displacement along its normal is taken to be a random field u
 of the tissue's depth, z a smooth field of unit variance (Matern, order 1, on the skin's surface; as a stochastic
 differential equation in Lindgren, Rue & Lindstrom 2011). The surface's Laplacian diagonalises z, so that a moderate
 number of its eigenmodes with independent coefficients is the whole model.
+
+The share is that at which the mean of u around a limb varies as girths do between people whose lengths, bony breadths
+and neighbouring girths are alike: what handles say of a person is then known (a survey of 6,068 people,
+``track.evaluation.tissue_share``, docs/uncertainty.md). By that alone tissue would go on varying more, the deeper it
+is. It is not let: what moves deep skin by much within RANGE_M looks like a longer bone (same page).
 """
 
 from __future__ import annotations
@@ -20,8 +25,8 @@ from scipy.spatial import cKDTree
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.surface import incidence, vertex_normals
 
-SHARE = 0.2  # standard deviation of the skin's displacement per depth of tissue (an assumption, not a measurement)
-DEEP_M = 0.02  # tissue deeper than this varies no more
+SHARE = 0.1  # standard deviation of the skin's displacement per depth of tissue
+DEEP_M = 0.02  # tissue deeper than this varies no more (an assumption)
 RANGE_M = 0.1  # skin farther apart than this varies independently (an assumption)
 MODES = 150
 _SHIFT = 1.0  # 1/m^2: the constant mode's eigenvalue is 0, which a factorisation cannot have
@@ -67,7 +72,7 @@ def tissue_deviation(anatomy: Anatomy) -> Floats:
     >>> from adapt.anatomy_file import load_anatomy
     >>> deviation = tissue_deviation(load_anatomy("upper-limb-right"))
     >>> [round(1e3 * float(value), 1) for value in (deviation.min(), deviation.max())]  # mm
-    [0.5, 4.0]
+    [0.3, 2.0]
     """
     return np.asarray(SHARE * np.minimum(tissue_depth(anatomy), DEEP_M))
 

@@ -168,7 +168,7 @@ def test_the_data_terms_gradient_is_that_of_its_energy(arm, person):
     body, thetas, targets = person
     few = sample_skin(arm, at_most=120)
     matches = match_pose(body, targets[1], thetas[1], few, gate_m=0.04)
-    weights = few.observations[matches.vertex]
+    weights = few.counts(matches)
     off = thetas[1] + np.random.default_rng(0).normal(0.0, 0.02, len(thetas[1]))
     check_quadratic(
         lambda theta: data_term(pose_skin_varying(body, theta, vertices=matches.vertex), matches, weights),
@@ -182,7 +182,7 @@ def random_data(rng, m=7, n=4):
     d, base = rng.normal(size=(m, 3, n)), rng.normal(size=(m, 3))
     normal = rng.normal(size=(m, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    matches = Correspondences(np.arange(m), rng.normal(size=(m, 3)), normal, np.zeros(m))
+    matches = Correspondences(np.arange(m), rng.normal(size=(m, 3)), normal, np.zeros(m), np.ones(m))
     return (lambda x: Points(base + d @ x, d)), matches, rng.uniform(0.5, 2.0, m)
 
 
@@ -206,13 +206,13 @@ def test_the_cost_of_a_pose_is_the_same_with_and_without_its_derivatives(person,
     theta[body.anatomy.coordinate_index("elbow_flexion")] = -0.3  # outside its range
     prior = GaussianPose(thetas[2], np.eye(len(theta)))
     for expected in (None, prior):
-        cost = PoseEnergy(body, matches, sample.observations[matches.vertex], expected)
+        cost = PoseEnergy(body, matches, sample.counts(matches), expected)
         assert cost.value(theta) == pytest.approx(cost.quadratic(theta).energy, rel=1e-12)
 
 
 def test_the_data_term_weighs_distance_to_the_plane_a_hundred_times():
     n = np.array([[0.0, 0.0, 1.0]])
-    matches = Correspondences(np.array([0]), np.zeros((1, 3)), n, np.zeros(1))
+    matches = Correspondences(np.array([0]), np.zeros((1, 3)), n, np.zeros(1), np.ones(1))
     along, across = (
         data_term(Points(np.array([p]), np.zeros((1, 3, 1))), matches, np.ones(1)).energy
         for p in ([0.0, 0.0, 0.01], [0.01, 0.0, 0.0])
@@ -494,8 +494,8 @@ def test_skin_solves_the_system_that_it_states(arm, person, skinned):
     for theta, match in zip(thetas, matches, strict=True):
         skin = pose_skin_by_v_hat(start, theta)
         for k, i in enumerate(match.vertex):
-            one = Correspondences(match.vertex[[k]], match.target[[k]], match.normal[[k]], match.distance[[k]])
-            quadratic = data_term(Points(skin.value[[i]], skin.d[[i]]), one, whole.observations[[i]])
+            one = match.at(np.array([k]))
+            quadratic = data_term(Points(skin.value[[i]], skin.d[[i]]), one, whole.counts(one))
             blocks[i] += quadratic.hessian
             right[i] -= quadratic.gradient
     system = system.tocsc() + sparse.block_diag(list(blocks), format="csc")
@@ -581,7 +581,7 @@ def test_algorithm_2s_normal_equations_are_those_of_the_models_blocks(arm, two_p
     """With every column written out, the tissue's too."""
     cost, x = two_poses
     of, body, field = cost.of, cost.at(x), tissue_field(arm)
-    nothing = Correspondences(np.zeros(0, dtype=np.int64), *np.zeros((2, 0, 3)), np.zeros(0))
+    nothing = Correspondences(np.zeros(0, dtype=np.int64), *np.zeros((2, 0, 3)), *np.zeros((2, 0)))
     here, none = cost.quadratic(x), replace(cost, matches=[nothing, nothing]).quadratic(x)
     energy, gradient, hessian = none.energy, none.gradient.copy(), none.hessian.copy()
     for k, match in enumerate(cost.matches):
@@ -589,7 +589,7 @@ def test_algorithm_2s_normal_equations_are_those_of_the_models_blocks(arm, two_p
         skin = skin_of_blocks_by_shape(body, x[of.pose(k)], i, along=field.normals[i])
         tissue = skin.d[:, :, -1:] * field.modes[i][:, None, :]
         whole = Points(skin.value, np.concatenate([skin.d[:, :, :-1], tissue], axis=2))
-        data = data_term(whole, match, cost.sample.observations[i])
+        data = data_term(whole, match, cost.sample.counts(match))
         energy += data.energy
         gradient[index] += data.gradient
         hessian[np.ix_(index, index)] += data.hessian

@@ -13,7 +13,7 @@ from adapt.match.skin_sample import sample_skin
 
 def matches_with(arm, distances) -> Correspondences:
     n = len(arm.skin_vertices)
-    return Correspondences(np.arange(n), arm.skin_vertices, np.tile([0.0, 0.0, 1.0], (n, 1)), distances)
+    return Correspondences(np.arange(n), arm.skin_vertices, np.tile([0.0, 0.0, 1.0], (n, 1)), distances, np.ones(n))
 
 
 def patchwise(arm, size_m: float, seed: int):

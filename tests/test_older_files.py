@@ -48,10 +48,19 @@ def older(limb: KnownLimb, tmp_path_factory: pytest.TempPathFactory) -> Path:
         "settings": {"versions": VERSIONS} | where | ADAPTED,
     }
     save_subject(replace(limb.subject, report=report), folder / "subject.npz")
+    _as_of_version_2(folder / "subject.npz")
     settings = Settings(VERSIONS, where | TRACKED, THRESHOLDS)
     (folder / "motion").mkdir()
     save_motion(replace(known_motion(limb), settings=settings), folder / "motion")
     return folder
+
+
+def _as_of_version_2(path: Path) -> None:
+    """The digest stays: the limb is made of today's template. Subjects of the former one: ``test_own_anatomy``."""
+    with np.load(path) as arrays:
+        kept = dict(arrays)
+    told = json.loads(str(kept["description"])) | {"version": 2}
+    np.savez_compressed(path, **(kept | {"description": np.array(json.dumps(told))}))
 
 
 def run(command, *arguments: object) -> Result:

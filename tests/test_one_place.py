@@ -19,6 +19,8 @@ SEE_SKIN = ("adapt", "track", "docs/figures")
 FIT_LIMBS = ("adapt", "track")
 # What is known of people before anything is seen (``shape``) is no posterior.
 OTHER_PROBLEMS = ("track/evaluation/", "adapt/template_builder/", "adapt/model/shape/")
+# A search ranks poses by all their skin: it weighs no matches.
+COUNTS, MATCHES, RANKS_POSES = "adapt/match/skin_sample.py", "adapt/match/correspondences.py", "adapt/search/"
 DERIVATIVES = {"jacobian", "residual", "flat", "far", "d"}
 _LINE_OF_SIGHT = re.compile(r"sight|towards?|forward|eyes?|rays?|sensors?|world_from_sensor|world_from_eye|direction")
 
@@ -123,6 +125,28 @@ def test_normal_matrices_are_read_only_where_they_are_solved_and_where_uncertain
 
 def test_one_file_holds_uncertainty() -> None:
     assert not found_in_fits(DOUBTS, reckons_with_covariance), f"ask {DOUBTS} instead"
+
+
+def weighs_for_itself(node: ast.AST) -> bool:
+    """Whether an expression takes the observations of some skin for their weights, whatever its pose."""
+    return (
+        isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute) and node.value.attr == "observations"
+    )
+
+
+def test_whoever_weighs_matches_asks_how_far_they_are_trusted() -> None:
+    elsewhere = found_in_fits(COUNTS, weighs_for_itself)
+    assert elsewhere
+    assert all(path.startswith(RANKS_POSES) for path in elsewhere), f"ask {COUNTS} for counts instead"
+
+
+def test_matches_are_found_in_one_place_that_says_how_far_they_are_trusted() -> None:
+    assert found_in_fits(MATCHES, calls("find_corres")).keys() == {"adapt/fit/pose.py"}
+
+
+def calls(name: str) -> Callable[[ast.AST], bool]:
+    """Whether an expression calls a function of that name."""
+    return lambda node: isinstance(node, ast.Call) and ast.unparse(node.func) == name
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +14,10 @@ import pytest
 from adapt import own_anatomy
 from adapt.anatomy import Anatomy, Coordinate
 from adapt.anatomy_check import refuse_unsound
-from adapt.anatomy_file import anatomy_names, load_anatomy, save_anatomy
+from adapt.anatomy_file import anatomy_names, former_anatomy, load_anatomy, save_anatomy
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, rest_theta
-from adapt.own_anatomy import KEY, content, is_comparable, is_shipped, kept_anatomy, other_side_asked
+from adapt.own_anatomy import DIGEST, KEY, content, is_comparable, is_shipped, kept_anatomy, other_side_asked
 from adapt.search.rival_side import SideEvidence, refuse_the_other_side
 from adapt.subject import Subject, load_subject, save_subject
 from capture.errors import AnatomyError, FitError
@@ -52,7 +53,7 @@ def saved(anatomy: Anatomy, path: Path) -> Path:
 def test_what_ships_is_named_and_anything_else_is_kept_whole(arm: Anatomy, file: Path) -> None:
     for name in anatomy_names():
         assert is_shipped(load_anatomy(name))
-        assert kept_anatomy(load_anatomy(name)) == {}
+        assert set(kept_anatomy(load_anatomy(name))) == {DIGEST}
     own = load_anatomy(file)
     assert own.name == "my.arm"
     assert not is_shipped(own)
@@ -95,12 +96,41 @@ def test_a_subject_of_a_mirrored_file_comes_back_mirrored(file: Path, tmp_path: 
     assert content(again) == content(other)
 
 
-def test_a_subject_of_an_anatomy_that_ships_is_as_before(arm: Anatomy, tmp_path: Path) -> None:
+def test_a_subject_of_an_anatomy_that_ships_names_it_with_a_digest(arm: Anatomy, tmp_path: Path) -> None:
     path = saved(arm, tmp_path / "subject.npz")
-    known = dict.fromkeys(("description", KEY), 1 << 20)
-    assert list(read_arrays(path, known)) == ["description"]
-    assert '"version": 2' in str(read_arrays(path, known)["description"])
-    assert load_subject(path, anatomy=arm.name).anatomy.name == arm.name
+    known = dict.fromkeys(("description", KEY, DIGEST), 1 << 20)
+    assert list(read_arrays(path, known)) == ["description", DIGEST]
+    assert content(load_subject(path, anatomy=arm.name).anatomy) == content(arm)
+
+
+def written_before(path: Path, anatomy: str) -> Path:
+    """A subject's file as it was before templates had digests: changed in place."""
+    with np.load(path) as arrays:
+        kept = {name: array for name, array in arrays.items() if name not in (KEY, DIGEST)}
+    told = json.loads(str(kept["description"])) | {"version": 2, "anatomy": anatomy}
+    np.savez_compressed(path, **(kept | {"description": np.array(json.dumps(told))}))
+    return path
+
+
+@pytest.mark.parametrize("name", ["lower-limb-right", "upper-limb-left"])
+def test_a_subject_of_before_the_templates_were_built_anew_has_the_bones_it_had(name: str, tmp_path: Path) -> None:
+    former = former_anatomy(name)
+    assert former is not None
+    path = written_before(saved(former, tmp_path / "subject.npz"), name)
+    again = load_subject(path, anatomy=name).anatomy
+    assert content(again) == content(former) != content(load_anatomy(name))
+    # Written by this version, it holds that anatomy itself.
+    assert content(load_subject(saved(again, tmp_path / "copy.npz")).anatomy) == content(former)
+
+
+def test_a_subject_of_a_template_that_is_not_at_hand_is_refused_in_one_line(arm: Anatomy, tmp_path: Path) -> None:
+    path = saved(arm, tmp_path / "subject.npz")
+    with np.load(path) as arrays:
+        kept = dict(arrays)
+    np.savez_compressed(path, **(kept | {DIGEST: np.array("0" * 64)}))
+    told = r"subject\.npz: made with another template of upper-limb-right; use the version of bonetrack"
+    with pytest.raises(AnatomyError, match=told):
+        load_subject(path)
 
 
 def test_an_anatomy_asked_for_by_its_file_is_compared_by_what_it_holds(

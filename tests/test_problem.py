@@ -26,7 +26,7 @@ OF, POSES, VERTICES = Unknowns(m=3, q=4, n=2), 2, 6
 def random_matches(rng: np.random.Generator, count: int) -> Correspondences:
     normals = rng.normal(size=(count, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Correspondences(np.arange(count), rng.normal(size=(count, 3)), normals, np.zeros(count))
+    return Correspondences(np.arange(count), rng.normal(size=(count, 3)), normals, np.zeros(count), np.ones(count))
 
 
 def random_skin(rng: np.random.Generator, count: int, columns: int) -> Points:

@@ -9,6 +9,7 @@ from adapt.anatomy_file import load_anatomy
 from adapt.model.body import bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.template_builder import checks
 from adapt.template_builder.__main__ import PLANS
+from adapt.template_builder.check import Check, require
 from adapt.template_builder.meshes import Mesh, boundary_loop, level_set, simplified
 from adapt.template_builder.pose_bones import ROOT, PoseProblem, Target, Unknown, fit_pose, placed_bodies
 from adapt.template_builder.skin import Cut, catmull_clark, closed, cut_off, height_in
@@ -142,7 +143,7 @@ def test_skin_near_the_cut_and_on_the_fingers_counts_little(arm):
 
 def test_a_failed_check_is_named_with_its_number():
     with pytest.raises(AnatomyError, match=r"arm: .*depth: 1 >= 2 mm"):
-        checks.require([checks.Check("depth", 1.0, 2.0, "mm", least=True)], "arm")
+        require([Check("depth", 1.0, 2.0, "mm", least=True)], "arm")
 
 
 def test_catmull_clark_keeps_a_closed_surface_closed_and_smooths_a_cube():

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from adapt.anatomy import Anatomy
+from adapt.anatomy_file import load_anatomy
 from adapt.match.skin_sample import sample_skin, weighted_by_tissue
 from adapt.tissue import DEEP_M, RANGE_M, SHARE, tissue_depth, tissue_deviation, tissue_field
 from track.evaluation.random_bodies import soft_tissue
+from track.evaluation.tissue_share import GIRTHS, Population, read_population, ring, varies_around
 
 BONY = ("EM", "EL", "olecranon", "US", "RS")  # humeral epicondyles, elbow's tip, styloids
 NEAR_M = 0.010
@@ -59,6 +61,25 @@ def test_skin_strays_by_a_share_of_the_depth_that_stops_growing(arm):
     assert 0.1 < shallow.mean() < 0.9
     np.testing.assert_allclose(deviation[shallow], SHARE * depth[shallow])
     np.testing.assert_allclose(deviation[~shallow], SHARE * DEEP_M)
+
+
+def test_the_share_is_that_by_which_girths_vary_between_people(arm):
+    """Deviation / 2 pi (mm) of girths between women, and men, alike in all that handles say (ANSUR II)."""
+    people = {
+        "bicepscircumferenceflexed": (2.5, 2.6),
+        "forearmcircumferenceflexed": (1.3, 1.4),
+        "wristcircumference": (0.7, 0.9),
+        "thighcircumference": (4.7, 4.4),
+        "lowerthighcircumference": (2.4, 2.1),
+        "calfcircumference": (2.0, 2.2),
+        "anklecircumference": (1.4, 1.2),
+    }
+    limbs = {"upper-limb-right": arm, "lower-limb-right": load_anatomy("lower-limb-right")}
+    of_all = {g.measure: 1e3 * varies_around(limbs[g.anatomy], ring(limbs[g.anatomy], g.place)) for g in GIRTHS}
+    shares = np.array([np.mean(varies) / of_all[measure] for measure, varies in people.items()])
+    assert np.exp(np.log(shares).mean()) == pytest.approx(SHARE, rel=0.15)
+    assert shares.min() > 0.5 * SHARE
+    assert shares.max() < 2.0 * SHARE
 
 
 def test_made_up_soft_tissue_has_the_deviation_that_the_depth_allows(arm):
@@ -122,3 +143,16 @@ def test_vertices_count_less_by_what_the_modes_leave_out(arm):
     order = np.argsort(tissue_field(arm).remainder[sample.vertices])
     assert (np.diff(share[order]) <= 1e-12).all()
     assert share.min() < 0.85 < share.max()
+
+
+def test_people_alike_in_something_differ_less_the_more_it_tells(tmp_path):
+    (tmp_path / "ansur2_limb_summary.csv").write_text(
+        "# survey\nsex,measure,n,mean,sd\nmale,length,9,300,10\nmale,girth,9,200,20\nfemale,girth,9,180,5\n"
+    )
+    (tmp_path / "ansur2_limb_correlation_male.csv").write_text(
+        "# survey\nmeasure,length,girth\nlength,1.0,0.6\ngirth,0.6,1.0\n"
+    )
+    men = read_population(tmp_path, "male")
+    assert isinstance(men, Population)
+    assert men.given("girth", []) == 20.0
+    assert men.given("girth", ["length"]) == pytest.approx(16.0)

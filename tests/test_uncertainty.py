@@ -50,7 +50,7 @@ class Seen:
         """Where another body comes to rest on the same skin, moved by ``shift`` (M,) along its normals."""
         target = self.matches.target + np.asarray(shift)[..., None] * self.matches.normal
         matches = replace(self.matches, target=target)
-        weights = sample.observations[matches.vertex]
+        weights = sample.counts(matches)
         energy = PoseEnergy(body, matches, weights, None, CERTAINTY_PLANE_WEIGHT)
         theta = levenberg_marquardt(energy.quadratic, self.theta, steps=8, tolerance=1e-12, energy=energy.value)
         apart = pose_skin(body, theta, vertices=matches.vertex) - target
@@ -61,7 +61,9 @@ def seen(body: Body, theta: Floats, sample: SkinSample) -> Seen:
     skin = pose_skin(body, theta)
     normals = sample.normals(skin)
     front = sample.vertices[normals[sample.vertices] @ [0.8, 0.0, 0.6] > 0.1]
-    return Seen(body, theta, Correspondences(front, skin[front], normals[front], np.zeros(len(front))))
+    return Seen(
+        body, theta, Correspondences(front, skin[front], normals[front], np.zeros(len(front)), np.ones(len(front)))
+    )
 
 
 def other_body(body: Body, change: Floats) -> Body:
@@ -94,7 +96,7 @@ def test_a_bodys_covariance_is_positive_and_smaller_than_what_was_known_before(l
     before = np.linalg.inv(shape_prior(body.anatomy, body.affine).precision)
     assert np.diag(covariance)[:m].sum() < 0.5 * np.diag(before).sum()
     assert (np.diag(covariance)[m:] <= 1.0 + 1e-9).all()
-    assert np.diag(covariance)[m:].min() < 0.4
+    assert np.diag(covariance)[m:].min() < 0.5
 
 
 def test_a_body_is_less_sure_the_noisier_its_clouds_are(limb, covariance):
@@ -132,9 +134,7 @@ def test_a_poses_covariance_is_positive_and_grows_with_the_tissues(limb, covaria
 def test_a_pose_that_rests_on_a_few_scattered_matches_is_unsure_and_not_without_deviation(limb, covariance):
     sample = sample_skin(limb.subject.anatomy, at_most=1500)
     fit = fit_pose(limb.subject.body, limb.targets[2], limb.thetas[2], sample)
-    few = slice(None, None, len(fit.matches) // 30)
-    names = ("vertex", "target", "normal", "distance")
-    matches = replace(fit.matches, **{name: getattr(fit.matches, name)[few] for name in names})
+    matches = fit.matches.at(slice(None, None, len(fit.matches) // 30))
     known = replace(limb.subject, covariance=covariance)
     sure, unsure = (
         np.diag(pose_covariance(known, f, sample)) for f in (fit, PoseFit(fit.theta, matches, matches.distance))
@@ -178,12 +178,12 @@ def test_noise_that_hangs_together_over_more_than_a_patch_counts_as_much_as_it_m
     anatomy, rng = limb.subject.anatomy, np.random.default_rng(3)
     sample = sample_skin(anatomy)
     index = sample.vertices
-    blank = np.zeros((len(index), 3))
+    blank, calm = np.zeros((len(index), 3)), np.ones(len(index))
 
     def noise_of(side_m: float, deviation_m: float) -> float:
         cubes = np.unique(np.floor(anatomy.skin_vertices[index] / side_m).astype(int), axis=0, return_inverse=True)[1]
         matches = [
-            Correspondences(index, blank, blank, deviation_m * rng.normal(size=cubes.max() + 1)[cubes.ravel()])
+            Correspondences(index, blank, blank, deviation_m * rng.normal(size=cubes.max() + 1)[cubes.ravel()], calm)
             for _ in range(12)
         ]
         return patch_noise(anatomy, matches, sample, 0.0)

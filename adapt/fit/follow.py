@@ -56,7 +56,7 @@ def _caught_up(body: Body, target: Target, expected: GaussianPose, sample: SkinS
         matches = match_pose(body, target, theta, sample, gate_m=_REACH_M)
         apart = pose_skin(body, theta, vertices=matches.vertex) - matches.target
         trust = 1.0 / (1.0 + np.einsum("ij,ij->i", apart, apart) / _TRUSTED_M**2)
-        energy = PoseEnergy(body, matches, trust * sample.observations[matches.vertex], expected)
+        energy = PoseEnergy(body, matches, trust * sample.counts(matches), expected)
         theta = levenberg_marquardt(energy.quadratic, theta, steps=1, energy=energy.value)
         if np.abs(theta - before).max() < _NEARLY_RAD_OR_M:
             break

@@ -28,42 +28,43 @@ def patch_noise(anatomy: Anatomy, matches: Sequence[Correspondences], sample: Sk
     Patches are cubes of the rest skin with PATCH_M2 sides. Were their means independent, those of wider cubes would
     vary less by just as much as they are larger. Where they vary more, it is they that move a whole bone, and they
     count. ``parameters`` is how many of them the fit has used up: what it could bend to the data no longer shows in
-    the distances. Where too few vertices matched to fill a patch, nothing speaks against the most.
+    the distances. It is the noise of calm skin: patches near a bend count as much as they are trusted. Where too few
+    vertices matched to fill a patch, nothing speaks against the most.
     """
-    means, _ = _patch_means(anatomy, matches, sample, 1.0)
+    means, trust, _ = _patch_means(anatomy, matches, sample, 1.0)
     if not len(means):
         return _MOST_M
-    free = max(len(means) - parameters, 0.1 * len(means))
-    variance = (means**2).sum() / free
-    wide, observations = _patch_means(anatomy, matches, sample, _WIDER)
-    if len(wide) > 2.0 * parameters:  # fewer tell more of the fit than of the noise
-        variance = max(variance, (observations * wide**2).sum() / (len(wide) - parameters))
+    free = max(trust.sum() - parameters, 0.1 * trust.sum())
+    variance = (trust * means**2).sum() / free
+    wide, trust, observations = _patch_means(anatomy, matches, sample, _WIDER)
+    if trust.sum() > 2.0 * parameters:  # fewer tell more of the fit than of the noise
+        variance = max(variance, (trust * observations * wide**2).sum() / (trust.sum() - parameters))
     return float(np.clip(np.sqrt(variance), LEAST_M, _MOST_M))
 
 
-def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[float, int]:
+def patch_misfit(anatomy: Anatomy, apart: Floats, trust: Floats, sample: SkinSample) -> tuple[float, int]:
     """Root mean square (m) of patches' mean distances from K clouds, given vertex by vertex (K, V), and how many.
 
-    NaN is what was not seen. A patch counts once, with the median over the poses in which it was seen: one pose that
-    went astray does not decide.
+    Vertices count as they are trusted in each pose (K, V). NaN is what was not seen. A patch counts once, with the
+    median over the poses in which it was seen: one pose that went astray does not decide.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> from adapt.match.skin_sample import sample_skin
     >>> arm = load_anatomy("upper-limb-right")
     >>> apart = np.full((2, len(arm.skin_vertices)), np.nan)
-    >>> patch_misfit(arm, apart, sample_skin(arm))
+    >>> patch_misfit(arm, apart, np.ones_like(apart), sample_skin(arm))
     (0.0, 0)
     >>> apart[0] = 0.003  # one of two poses saw all of it
-    >>> round(patch_misfit(arm, apart, sample_skin(arm))[0], 6)
+    >>> round(patch_misfit(arm, apart, np.ones_like(apart), sample_skin(arm))[0], 6)
     0.003
     """
     patch = _patches(anatomy, 1.0)
     means = np.full((len(apart), patch.max() + 1), np.nan)
-    for mean, distance in zip(means, apart, strict=True):
-        weight = sample.observations * np.isfinite(distance)
-        total = np.bincount(patch, weight)
-        enough = total > _LEAST_SHARE
-        mean[enough] = (np.bincount(patch, weight * np.nan_to_num(distance)) / np.maximum(total, 1e-12))[enough]
+    for mean, distance, trusted_by in zip(means, apart, trust, strict=True):
+        seen = sample.observations * np.isfinite(distance)
+        enough, weight = np.bincount(patch, seen) > _LEAST_SHARE, seen * trusted_by
+        total = np.maximum(np.bincount(patch, weight), 1e-12)
+        mean[enough] = (np.bincount(patch, weight * np.nan_to_num(distance)) / total)[enough]
     counted = np.isfinite(means).any(axis=0)
     if not counted.any():
         return 0.0, 0
@@ -72,16 +73,17 @@ def patch_misfit(anatomy: Anatomy, apart: Floats, sample: SkinSample) -> tuple[f
 
 def _patch_means(
     anatomy: Anatomy, matches: Sequence[Correspondences], sample: SkinSample, wider: float
-) -> tuple[Floats, Floats]:
-    """Mean distances (N,) m of patches, so many times ``wider``, over all poses, and their independent observations."""
-    means, observations = [], []
+) -> tuple[Floats, Floats, Floats]:
+    """Mean distances (N,) m of patches, so many times ``wider``, over all poses; their trust, their observations."""
+    means, trust, observations = [], [], []
     for match in matches:
-        patch, weight = _patches(anatomy, wider)[match.vertex], sample.observations[match.vertex]
-        total = np.bincount(patch, weight)
+        patch, counts = _patches(anatomy, wider)[match.vertex], sample.counts(match)
+        counted, total = np.bincount(patch, counts), np.bincount(patch, counts / match.trust)
         enough = total > _LEAST_SHARE * wider**2
-        means.append((np.bincount(patch, weight * match.distance) / np.maximum(total, 1e-12))[enough])
+        means.append((np.bincount(patch, counts * match.distance) / np.maximum(counted, 1e-12))[enough])
+        trust.append((counted / np.maximum(total, 1e-12))[enough])
         observations.append(total[enough])
-    return np.concatenate(means), np.concatenate(observations)
+    return np.concatenate(means), np.concatenate(trust), np.concatenate(observations)
 
 
 @lru_cache(maxsize=8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from adapt.anatomy import Floats
 from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.priors import held_term, range_term
 from adapt.fit.problem import PLANE_WEIGHT, Quadratic, data_energy, data_term, gaussian_term
+from adapt.match.bending_skin import bend_trust
 from adapt.match.correspondences import GATE_M, Correspondences, Target, find_corres
 from adapt.match.skin_sample import SkinSample
 from adapt.model.body import Body, pose_skin, pose_skin_varying
@@ -95,7 +96,7 @@ def fit_pose(
     matches = match_pose(body, target, theta, sample, gate_m=gate_m)
     for _ in range(updates):
         before = theta
-        energy = PoseEnergy(body, matches, sample.observations[matches.vertex], prior, plane_weight)
+        energy = PoseEnergy(body, matches, sample.counts(matches), prior, plane_weight)
         theta = levenberg_marquardt(energy.quadratic, theta, steps=steps, energy=energy.value)
         matches = match_pose(body, target, theta, sample, gate_m=next_gate(matches, gate_m))
         if np.abs(theta - before).max() < still:
@@ -105,9 +106,10 @@ def fit_pose(
 
 
 def match_pose(body: Body, target: Target, theta: Floats, sample: SkinSample, *, gate_m: float) -> Correspondences:
-    """Correspondences of the body posed by ``theta``. Raises FitError when there are fewer than 30."""
+    """Correspondences of the body posed by ``theta``, as trusted as that pose allows; FitError if fewer than 30."""
     skin = pose_skin(body, theta)
     matches = find_corres(target, skin, sample.normals(skin), sample.vertices, gate_m=gate_m)
+    matches = replace(matches, trust=bend_trust(body, theta, matches.vertex))
     if len(matches) < _FEWEST_MATCHES:
         raise FitError(
             f"only {len(matches)} skin vertices have a point of the cloud within {100 * gate_m:.1f} cm",
@@ -119,7 +121,8 @@ def match_pose(body: Body, target: Target, theta: Floats, sample: SkinSample, *,
 def next_gate(matches: Correspondences, widest_m: float) -> float:
     """A gate (m) of four robust standard deviations of what the matches disagree by, along the normal.
 
-    >>> far = Correspondences(np.arange(3), np.zeros((3, 3)), np.zeros((3, 3)), np.array([-0.004, 0.002, 0.03]))
+    >>> apart = np.array([-0.004, 0.002, 0.03])
+    >>> far = Correspondences(np.arange(3), np.zeros((3, 3)), np.zeros((3, 3)), apart, np.ones(3))
     >>> round(next_gate(far, 0.1), 4), next_gate(far, 0.02)
     (0.0237, 0.02)
     """

@@ -108,7 +108,7 @@ def unseen_noise(body: Body, unseen: Sequence[tuple[Target, Floats]], gone: Bool
 def shape_information(body: Body, fit: PoseFit, sample: SkinSample) -> Floats:
     """What one fitted pose tells about the shape (m, m): H_ss - H_st H_tt^-1 H_ts."""
     skin = pose_skin_varying(body, fit.theta, with_shape=True, vertices=fit.matches.vertex)
-    hessian = data_term(skin, fit.matches, sample.observations[fit.matches.vertex]).hessian
+    hessian = data_term(skin, fit.matches, sample.counts(fit.matches)).hessian
     n = len(fit.theta)
     hessian[:n, :n] += _UNTOLD * np.diag(hessian)[:n].mean() * np.eye(n)
     return schur_complement(hessian, slice(0, n))
@@ -138,7 +138,7 @@ def pose_sensitivity(body: Body, fit: PoseFit, sample: SkinSample, *, with_tissu
     """
     n, step = len(fit.theta), max(1, len(fit.matches) // _ENOUGH)
     matches = fit.matches.at(slice(None, None, step))
-    index, weights = matches.vertex, step * sample.observations[matches.vertex]
+    index, weights = matches.vertex, step * sample.counts(matches)
     modes = tissue_field(body.anatomy).modes[index] if with_tissue else np.zeros((len(index), 0))
     skin = pose_skin_varying(body, fit.theta, with_shape=True, vertices=index)
     grown = local_scale(body.anatomy.skin_handle_weights[index], body.a)[:, None] * matches.normal
@@ -160,8 +160,7 @@ def late_lever(
     whole, moved = np.zeros((n, n)), np.zeros((n, n))
     for late_s, matches in sensors:
         skin = pose_skin_varying(body, theta, vertices=matches.vertex)
-        weights = sample.observations[matches.vertex]
-        part = data_term(skin, matches, weights, plane_weight=CERTAINTY_PLANE_WEIGHT).hessian
+        part = data_term(skin, matches, sample.counts(matches), plane_weight=CERTAINTY_PLANE_WEIGHT).hessian
         whole, moved = whole + part, moved + late_s * part
     return lever(whole, moved)
 

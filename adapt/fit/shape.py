@@ -139,7 +139,7 @@ class ShapeEnergy:
         arrow.add(*self.expected(x))
         skin = shaped_skin(self.at(x), self.seen, along=tissue_field(anatomy).normals[self.seen])
         for k, (match, rows) in enumerate(zip(self.matches, self.rows, strict=True)):
-            weights, pose = self.sample.observations[match.vertex], of.pose(k)
+            weights, pose = self.sample.counts(match), of.pose(k)
             posed = skin.posed(x[pose], rows)
             arrow.add_matches(k, rows, posed, match, weights, plane_weight=self.plane_weight)
             arrow.add(Term(pose, range_term(anatomy, x[pose])), Term(pose, self._hardly_told))
@@ -152,7 +152,7 @@ class ShapeEnergy:
         energy = sum(term.quadratic.energy for term in self.expected(x))
         for k, match in enumerate(self.matches):
             skin = pose_skin(moved, x[of.pose(k)], vertices=match.vertex)
-            weights = self.sample.observations[match.vertex]
+            weights = self.sample.counts(match)
             energy += data_energy(skin, match, weights, plane_weight=self.plane_weight)
             energy += range_term(moved.anatomy, x[of.pose(k)]).energy + held_term(moved, x[of.pose(k)]).energy
         return energy

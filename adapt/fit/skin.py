@@ -100,7 +100,7 @@ def _data_blocks(
     for theta, match in zip(thetas, matches, strict=True):
         i = match.vertex
         skin = pose_skin_by_v_hat(body, theta, vertices=i)
-        block, gradient = data_blocks(skin, match, sample.observations[i])
+        block, gradient = data_blocks(skin, match, sample.counts(match))
         blocks[i] += block
         pull[i] += gradient
     return blocks, pull

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, bone_transforms
+from adapt.model.kinematics import bones_beyond
 from adapt.model.pose_space import is_free, moved_rigidly
 from capture.rigid import inverse
 
@@ -29,7 +30,7 @@ def unobserved_coordinates(anatomy: Anatomy, shown: Bools) -> Bools:
     names = [bone.name for bone in anatomy.bones]
     told = np.zeros(len(anatomy.coordinates), dtype=bool)
     for joint in anatomy.joints:
-        beyond = np.isin(names, _beyond(anatomy, joint.child))
+        beyond = np.isin(names, bones_beyond(anatomy, joint.child))
         for name in joint.coordinates:
             sides = shown[beyond].any() and shown[~beyond].any()
             told[anatomy.coordinate_index(name)] |= is_free(joint) or sides
@@ -59,12 +60,3 @@ def towards_rest(body: Body, theta: Floats, last: Floats, shown: Bools, kept: fl
     first = anatomy.bones[int(shown.argmax())].name
     move = bone_transforms(body, theta)[first] @ inverse(bone_transforms(body, guess)[first])
     return moved_rigidly(anatomy, guess, move)
-
-
-def _beyond(anatomy: Anatomy, bone: str) -> list[str]:
-    """A bone and all that hang on it."""
-    bones = [bone]
-    for joint in anatomy.joints:  # parents come before their children
-        if joint.parent in bones:
-            bones.append(joint.child)
-    return bones

@@ -25,20 +25,24 @@ class Correspondences:
 
     Vertex index (M,), target point (M, 3), the vertex's own normal (M, 3), and how far (m) the vertex stood from its
     target along it when they were matched (M,). The plane of point-to-plane is the model's, not the cloud's: normals
-    of a cloud are noisy, and lean where its surface ends (docs/accuracy.md tells what that costs).
+    of a cloud are noisy, and lean where its surface ends (docs/accuracy.md tells what that costs). ``trust`` (M,) is
+    how much each counts for the pose that it was found in, 1 on calm skin (``adapt.match.bending_skin``).
     """
 
     vertex: Ints
     target: Floats
     normal: Floats
     distance: Floats
+    trust: Floats
 
     def __len__(self) -> int:
         return len(self.vertex)
 
     def at(self, chosen: Ints | slice) -> Correspondences:
         """Some of the matches."""
-        return Correspondences(self.vertex[chosen], self.target[chosen], self.normal[chosen], self.distance[chosen])
+        return Correspondences(
+            self.vertex[chosen], self.target[chosen], self.normal[chosen], self.distance[chosen], self.trust[chosen]
+        )
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ def find_corres(
 ) -> Correspondences:
     """Targets for the posed skin ``vertices`` (V, 3) with unit ``normals``; only ``eligible`` vertices (indices).
 
-    Each vertex takes the nearest point among the sensors that can see it.
+    Each vertex takes the nearest point among the sensors that can see it. All are trusted alike: of how the skin has
+    come to lie there nothing is known here.
     """
     best = np.full(len(eligible), np.inf)
     match = np.full(len(eligible), -1, dtype=np.int64)
@@ -81,4 +86,4 @@ def find_corres(
     points, match = points[kept], match[kept]
     normal, matched = outward[kept], cloud.points[match]
     apart = np.einsum("ij,ij->i", normal, points - matched)
-    return Correspondences(eligible[kept], matched, normal, apart)
+    return Correspondences(eligible[kept], matched, normal, apart, np.ones(len(match)))

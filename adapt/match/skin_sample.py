@@ -9,6 +9,7 @@ from scipy import sparse
 
 from adapt.anatomy import Anatomy, Floats, Ints
 from adapt.fit.problem import PATCH_M2, SIGMA_M
+from adapt.match.correspondences import Correspondences
 from adapt.model.compiled.normals import fill_normals
 from adapt.model.surface import incidence, vertex_areas
 from adapt.tissue import tissue_field
@@ -28,6 +29,10 @@ class SkinSample:
     observations: Floats  # (V,)
     faces: Ints = field(repr=False)  # (F, 3): those that touch the eligible vertices
     onto_vertices: sparse.csr_matrix = field(repr=False)  # (M, F)
+
+    def counts(self, matches: Correspondences) -> Floats:
+        """The independent observations (M,) that each of some matches stands for, as far as it is trusted."""
+        return np.asarray(self.observations[matches.vertex] * matches.trust)
 
     def normals(self, skin: Floats) -> Floats:
         """Unit normals (V, 3) of the posed skin (V, 3) at the eligible vertices, zero elsewhere."""

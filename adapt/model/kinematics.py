@@ -27,3 +27,17 @@ def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: in
     for joint in anatomy.joints:
         motions[joint.child] = carried_by(anatomy, joint, theta, p, first_column, motions)
     return motions
+
+
+def bones_beyond(anatomy: Anatomy, bone: str) -> list[str]:
+    """A bone and all that hang on it.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> bones_beyond(load_anatomy("lower-limb-right"), "tibia")
+    ['tibia', 'foot']
+    """
+    bones = [bone]
+    for joint in anatomy.joints:  # parents come before their children
+        if joint.parent in bones:
+            bones.append(joint.child)
+    return bones

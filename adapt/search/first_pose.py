@@ -117,7 +117,7 @@ def is_sound(pose: ScoredPose) -> bool:
     >>> from dataclasses import replace
     >>> from adapt.match.correspondences import Correspondences
     >>> from adapt.fit.pose import PoseFit
-    >>> fit = PoseFit(np.zeros(10), Correspondences(*np.zeros((4, 0))), np.zeros(0))
+    >>> fit = PoseFit(np.zeros(10), Correspondences(*np.zeros((5, 0))), np.zeros(0))
     >>> good = ScoredPose(fit, skin_m=0.003, cloud_m=0.004, coverage=0.97, merged_outline=0.1, free_space=0.01)
     >>> is_sound(good), is_sound(replace(good, merged_outline=0.6))
     (True, False)

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from adapt.anatomy import Floats
 from adapt.fit.pose import PoseFit, match_pose
+from adapt.match.bending_skin import bend_trust
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample
 from adapt.match.visibility import depth_at, depth_of, looked_past, on_outline, plainly_seen_or_hidden
@@ -86,10 +87,10 @@ def score_pose(body: Body, target: Target, fit: PoseFit, sample: SkinSample) -> 
 
 
 def find_skin(body: Body, target: Target, theta: Floats, sample: SkinSample) -> FoundSkin:
-    """What of a posed skin is in sight and found there, as a whole and bone by bone."""
+    """What of a posed skin is in sight and found there, as a whole and bone by bone; near bends it counts less."""
     skin = pose_skin(body, theta)
     sight = _sight(target, skin[sample.vertices], sample.normals(skin)[sample.vertices])
-    counted = sample.observations[sample.vertices]
+    counted = sample.observations[sample.vertices] * bend_trust(body, theta, sample.vertices)
     shares = np.column_stack([counted, counted[:, None] * body.skin_riding[sample.vertices]])
     whole, *bones = _parts(sight, shares)
     names, has_skin = [bone.name for bone in body.anatomy.bones], np.flatnonzero(shares[:, 1:].any(axis=0))

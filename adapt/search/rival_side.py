@@ -22,6 +22,7 @@ from adapt.anatomy import Anatomy, Floats
 from adapt.fit.never_seen import Bools, without
 from adapt.fit.noise import patch_misfit
 from adapt.fit.shape import ShapeFit, fit_shape
+from adapt.match.bending_skin import bend_trust
 from adapt.match.correspondences import Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.match.visibility import depth_of
@@ -152,8 +153,8 @@ def compare_sides(
     try:
         one = _fit(asked, clouds, np.array([theta for _, theta, _ in poses]), sample, person)
         two = _fit(other, clouds, np.array([rival for _, _, rival in poses]), mirrored_sample, person)
-        asked_m, patches = patch_misfit(anatomy, _apart(one, clouds, sample), sample)
-        other_m, _ = patch_misfit(other.anatomy, _apart(two, clouds, mirrored_sample), mirrored_sample)
+        asked_m, patches = _misfit(one, clouds, sample)
+        other_m, _ = _misfit(two, clouds, mirrored_sample)
     except FitError:
         return None
     return SideEvidence(asked_m, other_m, patches, _improbability(two, person) - _improbability(one, person))
@@ -163,10 +164,12 @@ def _fit(body: Body, targets: list[Target], thetas: Floats, sample: SkinSample, 
     return fit_shape(body, targets, thetas, weighted_by_tissue(sample, body.anatomy), person=person, updates=_UPDATES)
 
 
-def _apart(fitted: ShapeFit, targets: list[Target], sample: SkinSample) -> Floats:
-    poses = zip(targets, fitted.thetas, strict=True)
-    apart = [skin_apart(fitted.body, target, theta, sample, gate_m=_GATE_M) for target, theta in poses]
-    return np.clip(apart, -_MOST_M, _MOST_M)
+def _misfit(fitted: ShapeFit, targets: list[Target], sample: SkinSample) -> tuple[float, int]:
+    """How far (m) patches of a fitted body are from K clouds, and how many were seen."""
+    body, poses = fitted.body, zip(targets, fitted.thetas, strict=True)
+    apart = [skin_apart(body, target, theta, sample, gate_m=_GATE_M) for target, theta in poses]
+    trust = np.array([bend_trust(body, theta) for theta in fitted.thetas])
+    return patch_misfit(body.anatomy, np.clip(apart, -_MOST_M, _MOST_M), trust, sample)
 
 
 def _improbability(fitted: ShapeFit, person: Person) -> float:

@@ -49,4 +49,5 @@ def _result(entry: dict[str, Any]) -> ScoredPose:
     fit = entry["pose"]["fit"]
     arrays = {name: np.array(values) for name, values in fit.items() if name != "matches"}
     matches = {name: np.array(values) for name, values in fit["matches"].items()}
+    matches.setdefault("trust", np.ones(len(matches["vertex"])))  # a journal of before it was written down
     return ScoredPose(**entry["pose"] | {"fit": PoseFit(matches=Correspondences(**matches), **arrays)})

@@ -10,7 +10,8 @@ import click
 
 from adapt.anatomy_file import load_anatomy, save_anatomy
 from adapt.template_builder.assemble import build_anatomy, source_of
-from adapt.template_builder.checks import Check, all_checks, require
+from adapt.template_builder.check import Check, require
+from adapt.template_builder.checks import all_checks
 from adapt.template_builder.lower_limb import LOWER_LIMB_RIGHT
 from adapt.template_builder.plan import LimbPlan
 from adapt.template_builder.provenance import write_provenance

@@ -16,6 +16,7 @@ from adapt.template_builder.meshes import Mesh
 from adapt.template_builder.plan import LimbPlan
 from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.skin import evened, height_in, smooth_limb
+from adapt.template_builder.skin_depth import at_depths
 from adapt.template_builder.sources_makehuman import load_skin
 from adapt.template_builder.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, shifted
 from adapt.template_builder.tetrahedra import TetMesh, evaluate, tetrahedralised, with_corners_at
@@ -41,8 +42,7 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
     rig = load_skin(plan.skin.targets, stature=plan.skin.stature)
     tip = rig.joints[plan.skin.tip]
     smooth = smooth_limb(rig.vertices, rig.quads, plan.skin.cuts[0], tip)
-    skin, is_cap = evened(smooth, plan.skin.cuts, tip, count=plan.skin.count)
-    say(f"skin: {len(skin.vertices)} vertices")
+    drawn, is_cap = evened(smooth, plan.skin.cuts, tip, count=plan.skin.count)
 
     skeleton = shifted(source_of(plan), plan.shifts)
     pose, placements = plan.pose(skeleton, rig, smooth)
@@ -50,7 +50,9 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
     surfaces = {bone.name: bone_surface(skeleton, placements, bone) for bone in plan.bones}
     names, landmarks = landmarks_of(skeleton, placements, plan, pose)
     handles, heads = _handles(skeleton, placements, plan), _heads(skeleton, placements, plan)
-    say("bones, landmarks, handles")
+    places = dict(zip(names, landmarks, strict=True))
+    skin, field = at_depths(drawn, is_cap, surfaces, places, plan.spots, plan.clearance)
+    say(f"skin: {len(skin.vertices)} vertices, moved by {1e3 * field.min():.1f} to {1e3 * field.max():.1f} mm")
 
     inside = {bone.name: envelope(surfaces[bone.name], bone) for bone in plan.bones}
     tets = _tetrahedra(plan, inside, skin)
@@ -58,7 +60,6 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
 
     bones = _bones(plan, surfaces, tets, handles, heads)
     tets["limb"], handle_weights = _handle_weights(tets["limb"], heads, [*range(len(heads))], within=plan.skin.tet_edge)
-    places = dict(zip(names, landmarks, strict=True))
     deformer_weights = _deformer_weights(tets["limb"], plan, inside, places)
     say("weights")
 

@@ -27,6 +27,7 @@ from adapt.template_builder.lower_limb_bones import (
     POINTS,
     SKIN,
 )
+from adapt.template_builder.lower_limb_depths import CLEARANCE, SPOTS
 from adapt.template_builder.lower_limb_pose import BODIES, METATARSAL_HEADS, TOES, pose_lower_limb
 from adapt.template_builder.plan import (
     HandlePlan,
@@ -155,6 +156,11 @@ LOWER_LIMB_RIGHT = LimbPlan(
             "Rajagopal et al. (2016)",
         ),
         ("landmarks, bone frames", "after Wu et al. (2002), ISB"),
+        (
+            "how the skin beside the hip moves",
+            "weights of MakeHuman's `default` and `mixamo` rigs; Fiorentino et al. (2017), Gait & Posture; Rouhandeh & "
+            "Joslin (2018), SciTePress; Fukui et al. (2016), Skin Research and Technology 22(2)",
+        ),
     ),
     notes="""\
 ## Choices
@@ -165,6 +171,20 @@ LOWER_LIMB_RIGHT = LimbPlan(
   has no skin of its own.
 - The shank stands askew under the knee (varus and torsion below): MakeHuman's leg is bowed and its foot points forward,
   where the source's are straight and turned out. Every toe is laid into its own.
+- The shank's bones are nearly as thick for their length as the source's. MakeHuman's skin is too narrow for them at
+  the ankle (its malleoli stand 63 mm apart; those of the 4,082 men of ANSUR II 75 mm, standard deviation 4), too
+  thick in front of and beside the shank's upper end and over the iliac crest, and gives way: see the depths below.
+- The hip's bend zone is still the former one, chosen by eye, and known to lie low: the thigh's share of the skin
+  between hip and iliac crest is 0.06, in two riggings of this body made by two hands (MakeHuman's `default` and
+  `mixamo`) 0.23 and 0.25; at the trochanter 0.49 (0.74, 0.89); over the ASIS 0 (0.18, 0.16). Planes that fit the mean
+  of the two give 0.23, 0.74 and 0.26. But the skin then turns about the hip over ASIS and crest, where people's
+  slides over the bone, and the hip bone comes out of it by 5 to 15 mm where the hip is flexed, spread and turned at
+  once: this deformer cannot have both. People's skin says which way the zone should go, not how far. Markers on the
+  skin of pelvis and thigh move by 3 to 54 mm against the bones in walking and as the hip spreads and turns
+  (Fiorentino et al. 2017, by dual fluoroscopy); by more the nearer they sit to the hip, and not in proportion to the
+  angle (Rouhandeh and Joslin 2018, by ultrasound); the skin on the thigh's front goes up and on its back down as the
+  pelvis sways forward (Fukui et al. 2016). These are the papers' abstracts; a table of the skin over crest, ASIS and
+  trochanter at known hip flexion was not found.
 """,
     skin=SKIN,
     bodies=BODIES,
@@ -193,5 +213,7 @@ LOWER_LIMB_RIGHT = LimbPlan(
     # The skin near the cuts also follows the trunk and the other leg; the toes are held still by the model.
     fit_near_cut=((0.0, 0.05), (0.04, 1.0)),
     fit_ramps=(RampPlan("talus", "toe1_tip", (0.13, 0.16, 0.20), (1.0, 0.7, 0.3)),),
+    spots=SPOTS,
+    clearance=CLEARANCE,
     pose=pose_lower_limb,
 )

@@ -33,7 +33,7 @@ SKIN = SkinPlan(
 
 
 FOLLOWS = {
-    "tibia_r": Follow("knee_angle_r", partial(child_in_parent, WALKER_KNEE), (-0.006, -0.018, 0.003), ALIGNMENT),
+    "tibia_r": Follow("knee_angle_r", partial(child_in_parent, WALKER_KNEE), (-0.006, -0.010, 0.003), ALIGNMENT),
     "patella_r": Follow("knee_angle_r", partial(child_in_parent, PATELLOFEMORAL), (-0.008, 0.027, 0.0)),
 }
 
@@ -57,6 +57,7 @@ POINTS = (
     PointPlan("plateau_medial", "tibia_r", "at", PLATEAU.medial),
     PointPlan("plateau_lateral", "tibia_r", "at", PLATEAU.lateral),
     PointPlan("tibial_tuberosity", "tibia_r", "extreme", (1.0, 0.0, 0.0), (1, -0.10, -0.045)),
+    PointPlan("fibular_head", "tibia_r", "extreme", (-0.2, 0.3, 1.0), (1, -0.075, -0.045)),
     PointPlan("MM", "tibia_r", "extreme", (0.0, -0.5, -1.0)),
     PointPlan("LM", "tibia_r", "extreme", (0.0, -0.5, 1.0)),
     PointPlan("talus", "talus_r", "at"),

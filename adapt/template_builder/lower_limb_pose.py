@@ -68,6 +68,8 @@ TOES = (
     _toe(4, 0.028, 0.0405, (-0.024, 0.000, 0.029)),
     _toe(5, 0.0405, 1.0, (-0.036, 0.000, 0.041)),
 )
+# Heights (m) in the source's frame of the tibia, and how deep (m) its crest lies there: ``lower_limb_depths``.
+_CREST = {-0.10: 0.0042, -0.20: 0.0034, -0.29: 0.0077}
 _TOES_AS_THEY_ARE = {f"log_toe{k}_{way}": 0.0 for k in METATARSAL_HEADS for way in ("along", "across")}
 _TOE_TIPS = {"toe1": "toe-1-3"} | {f"toe{k}": f"toe-{k}-4" for k in (2, 3, 4, 5)}
 # The rig's first joint of a toe lies where the toe leaves the foot, so far before the metatarsal's head (m).
@@ -111,9 +113,10 @@ def _problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProblem:
         Unknown("root_rz", 0.0, radians(3.0)),
         Unknown("root_tx", hip[0] + 0.056, 0.03),
         Unknown("root_ty", hip[1] + 0.078, 0.03),
-        Unknown("log_pelvis", 0.04, 0.02),
+        Unknown("log_pelvis", 0.02, 0.01),
         Unknown("log_femur", 0.036, 0.004),
-        Unknown("log_shank_across", -0.05, 0.02),
+        # Nearly as thick for its length as the source's: people's ankles are thicker than this skin's, which gives way.
+        Unknown("log_shank_across", 0.0, 0.01),
         Unknown("log_shank_along", 0.08, 0.01),
         Unknown("log_foot_length", -0.05, 0.03),
         Unknown("log_foot_height", 0.0, 0.03),
@@ -132,8 +135,8 @@ def _problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProblem:
         scale_of=_SCALES,
         unknowns=unknowns,
         fixed={"root_rx": 0.0, "root_ry": 0.0, "root_tz": 0.0} | _TOES_AS_THEY_ARE,
-        # Tetrahedra and level sets take a little of it.
-        clearance=dict.fromkeys(BODIES[:-1], 0.004) | {"tibia_r": 0.0028, "calcn_r": 0.0030},
+        # Tetrahedra and level sets take a little of it. The shank may stand out: the skin is moved afterwards.
+        clearance={name: 0.004 for name in BODIES[:-1] if name != "tibia_r"} | {"calcn_r": 0.0030},
         targets=(
             Target("femur_r", np.zeros(3), hip - np.array([0.0, 0.0, 0.02]), 0.010),
             Target("femur_r", np.array([-0.008, -0.408, 0.0]), knee, 0.006),
@@ -174,7 +177,9 @@ def _depths(skeleton: SourceSkeleton) -> tuple[DepthTarget, ...]:
     knee = vertices["femur_r"][vertices["femur_r"][:, 1] < -0.36]
     trochanter = vertices["femur_r"][vertices["femur_r"][:, 1] > -0.06]
     calcaneus = vertices["calcn_r"][vertices["calcn_r"][:, 0] < 0.05]
-    shin = vertices["tibia_r"][vertices["tibia_r"][:, 1] > -0.10]
+    tibia = vertices["tibia_r"]
+    shin = tibia[tibia[:, 1] > -0.10]
+    crest = [_farthest(tibia[np.abs(tibia[:, 1] - height) < 0.02], (1.0, 0.0, -0.3)) for height in _CREST]
     return (
         DepthTarget("pelvis", _farthest(vertices["pelvis"], (1.0, 0.3, 0.5)), 0.012, 0.005),
         DepthTarget("pelvis", _farthest(vertices["pelvis"], (0.0, 0.5, 1.0)), 0.018, 0.006),
@@ -183,8 +188,9 @@ def _depths(skeleton: SourceSkeleton) -> tuple[DepthTarget, ...]:
         DepthTarget("femur_r", _farthest(knee, (0.0, 0.0, 1.0)), 0.012, 0.006),
         DepthTarget("patella_r", _farthest(vertices["patella_r"], (1.0, 0.0, 0.0)), 0.006, 0.002),
         DepthTarget("tibia_r", _farthest(shin, (1.0, 0.0, 0.0)), 0.006, 0.003),
-        DepthTarget("tibia_r", _farthest(vertices["tibia_r"], (0.0, -0.5, -1.0)), 0.004, 0.004),
-        DepthTarget("tibia_r", _farthest(vertices["tibia_r"], (0.0, -0.5, 1.0)), 0.004, 0.004),
+        DepthTarget("tibia_r", _farthest(tibia, (0.0, -0.5, -1.0)), 0.004, 0.004),
+        DepthTarget("tibia_r", _farthest(tibia, (0.0, -0.5, 1.0)), 0.004, 0.004),
+        *(DepthTarget("tibia_r", at, deep, 0.002) for at, deep in zip(crest, _CREST.values(), strict=True)),
         DepthTarget("calcn_r", _farthest(calcaneus, (-1.0, 0.0, 0.0)), 0.007, 0.003),
         DepthTarget("calcn_r", _farthest(calcaneus, (0.0, -1.0, 0.0)), 0.010, 0.0015),
     )

@@ -13,6 +13,7 @@ from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.skin import Cut
 from adapt.template_builder.sources_makehuman import SourceSkin
 from adapt.template_builder.sources_myosim import Follow, Piece, SourceSkeleton
+from adapt.template_builder.superficial import Spot
 
 Vector = tuple[float, float, float]
 
@@ -190,4 +191,6 @@ class LimbPlan:
     cushions: tuple[Cushion, ...]  # bones that are not named hold along their whole length
     fit_near_cut: tuple[tuple[float, ...], tuple[float, ...]]  # distance from the cut (m), weight
     fit_ramps: tuple[RampPlan, ...]
+    spots: tuple[Spot, ...]  # where bones lie just under the skin
+    clearance: dict[str, float]  # how near (m) to the skin any vertex of a bone, by name, may come
     pose: Callable[[SourceSkeleton, SourceSkin, Mesh], tuple[dict[str, float], dict[str, Placement]]]

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from adapt.anatomy import Anatomy
-from adapt.template_builder.checks import Check
+from adapt.template_builder.check import Check
+from adapt.template_builder.depth_checks import spot_depths
 from adapt.template_builder.plan import LimbPlan
 from adapt.template_builder.sources_makehuman import PACKAGE as SKIN_PACKAGE
 from adapt.template_builder.sources_myosim import MODEL, PACKAGE
+from adapt.template_builder.superficial import Spot
 from capture.files import replaced_when_complete
 
 
@@ -29,7 +31,6 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     tets = ", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
-    planes = "a plane" if len(plan.skin.cuts) == 1 else f"{len(plan.skin.cuts)} planes"
     facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
     return f"""# {plan.name}
 
@@ -49,8 +50,9 @@ September 2020. Shape targets and their weights: {targets}; the body scaled to a
 
 ## What was changed
 
-- Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; cut off by {planes}, closed with
-  flat caps; resampled to {len(anatomy.skin_vertices)} evenly spread vertices.
+- Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; cut off by {_planes(plan)}, closed
+  with flat caps; resampled to {len(anatomy.skin_vertices)} evenly spread vertices; then moved along its normals,
+  smoothly and by millimetres, until bones lie as deep beneath it as in the table below and keep their clearance.
 - Bones: holes closed and facets rounded by a level set where the source is open or coarse; simplified; posed into the
   skin by the source's own hinges and one scale per group of bones (across and along the shaft); some parts joined
   to one rigid bone; bodies moved in their parents (m, at the source's size): {plan.shifts or "none"}; meshes left
@@ -67,11 +69,28 @@ Scales: {", ".join(f"{name.removeprefix('log_')} {value:.3f}" for name, value in
 Vertices: skin {len(anatomy.skin_vertices)}, {", ".join(f"{bone.name} {len(bone.vertices)}" for bone in anatomy.bones)}.
 Tetrahedra: {tets}.
 
+{_depths(anatomy, plan)}
 ## Checks at build time
 
 | check | measured | limit | unit |
 |---|---|---|---|
 {chr(10).join(_row(check) for check in checks)}
+"""
+
+
+def _planes(plan: LimbPlan) -> str:
+    return "a plane" if len(plan.skin.cuts) == 1 else f"{len(plan.skin.cuts)} planes"
+
+
+def _depths(anatomy: Anatomy, plan: LimbPlan) -> str:
+    rows = "\n".join(_depth_row(spot, depth) for spot, depth in spot_depths(anatomy, plan))
+    return f"""## Depths beneath the skin
+
+The shallowest vertex of the bone there. Assumptions are marked as such.
+
+| where | here, mm | in people, mm | known from |
+|---|---|---|---|
+{rows}
 """
 
 
@@ -83,6 +102,10 @@ def _askew(plan: LimbPlan, pose: dict[str, float]) -> str:
         for name, value in pose.items()
         if name not in in_rest and not name.startswith(("log_", "root_"))
     )
+
+
+def _depth_row(spot: Spot, depth: float) -> str:
+    return f"| {spot.name} | {1e3 * depth:.1f} | {1e3 * spot.low:.1f} to {1e3 * spot.high:.1f} | {spot.source} |"
 
 
 def _row(check: Check) -> str:

@@ -23,6 +23,7 @@ from adapt.template_builder.plan import (
     SkinPlan,
 )
 from adapt.template_builder.skin import Cut
+from adapt.template_builder.upper_limb_depths import CLEARANCE, SPOTS
 from adapt.template_builder.upper_limb_pose import BODIES, CARPALS, FINGERS, pose_upper_limb
 
 _HAND = CARPALS + tuple(body for finger in FINGERS.values() for body in finger)
@@ -212,7 +213,12 @@ UPPER_LIMB_RIGHT = LimbPlan(
         ("joint ranges, signs and names of coordinates", "Holzbaur, Murray & Delp (2005)"),
         ("landmarks, bone frames", "Wu et al. (2005), ISB"),
     ),
-    notes="",
+    notes="""\
+## Choices
+
+- Where ulna, styloids, epicondyles and metacarpals lie under skin and fascia alone, the skin was moved to them: as
+  MakeHuman has it, it was 8 to 13 mm thick over the ulna's border and the backs of the metacarpals, which can be felt.
+""",
     skin=SKIN,
     bodies=BODIES,
     without=(),
@@ -240,5 +246,7 @@ UPPER_LIMB_RIGHT = LimbPlan(
     # The skin near the cut also follows the trunk; the fingers are held still by the model.
     fit_near_cut=((0.0, 0.08), (0.05, 1.0)),
     fit_ramps=(RampPlan("capitate", "MC3_head", (-0.02, 0.02, 0.05, 0.09), (1.0, 0.7, 0.7, 0.1)),),
+    spots=SPOTS,
+    clearance=CLEARANCE,
     pose=pose_upper_limb,
 )

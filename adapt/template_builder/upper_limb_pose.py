@@ -104,7 +104,8 @@ def _arm_problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProb
         *(Unknown(name, float(start), 0.02) for name, start in zip(ROOT[3:], position, strict=True)),
         Unknown("log_humerus", 0.01, 0.03),
         Unknown("log_forearm_along", 0.02, 0.03),
-        Unknown("log_forearm_across", -0.07, 0.03),
+        # Nearly as thick for their length as the source's: the skin gives way.
+        Unknown("log_forearm_across", -0.03, 0.02),
         Unknown("elbow_flexion_r", radians(45.0), 0.3, 0.0, 2.0),
         Unknown("pro_sup_r", radians(35.0), 2.0, -1.5, 1.5),
         Unknown("deviation_r", 0.0, 0.2, radians(-25.0), radians(10.0)),
@@ -119,7 +120,7 @@ def _arm_problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProb
         scale_of=_scales(),
         unknowns=unknowns,
         fixed=dict.fromkeys(_HAND_SCALE, log(1.1)),
-        clearance=dict.fromkeys(ARM, 0.0045),
+        clearance={"humerus_r": 0.0045, "ulna_r": 0.0030, "radius_r": 0.0030},
         targets=(
             Target("lunate_r", np.zeros(3), wrist + _WRIST_LOWER * _unit(knuckles - wrist), 0.004),
             Target("ulna_r", np.zeros(3), elbow, 0.006),

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Floats
 from adapt.model.body import Body, make_body
-from adapt.own_anatomy import KEY, MOST_BYTES, anatomy_kept
+from adapt.own_anatomy import DIGEST, KEY, MOST_BYTES, anatomy_kept
 from capture.files import UNREADABLE, read_arrays
 from capture.recording import Recording, world_from_sensor
 from capture.rigid import inverse, transform
@@ -31,7 +31,7 @@ _KNOWN = dict.fromkeys(
     ("anatomy", "displacement", "shape", "times_s", "theta", "sensor_names", "world_from_sensor"), 64 << 20
 )
 """The arrays of a truth, and the most bytes of each."""
-_KNOWN[KEY] = MOST_BYTES
+_KNOWN[KEY] = _KNOWN[DIGEST] = MOST_BYTES
 
 
 def read_truth(recording: Recording) -> Truth:
@@ -46,7 +46,7 @@ def read_truth(recording: Recording) -> Truth:
         raise MotionError("has no known truth (truth.npz)", where=recording.path, remedy=remedy)
     try:
         data = read_arrays(path, _KNOWN)
-        anatomy = anatomy_kept(str(data["anatomy"]), data.get(KEY), where=path)
+        anatomy = anatomy_kept(str(data["anatomy"]), data, where=path)
         v_hat = anatomy.skin_vertices + data["displacement"]
         sensors = dict(zip(data["sensor_names"].tolist(), data["world_from_sensor"], strict=True))
         return Truth(make_body(anatomy, shape=data["shape"], v_hat=v_hat), data["times_s"], data["theta"], sensors)

@@ -59,7 +59,7 @@ def truth_of(performance: Performance) -> dict[str, NDArray[Any]]:
     >>> arm = make_body(load_anatomy("upper-limb-right"))
     >>> truth = truth_of(Performance(arm, np.zeros(1), np.zeros((1, 10))))
     >>> sorted(truth), truth["displacement"].any().item()  # a template that ships is known by its name
-    (['anatomy', 'coordinates', 'displacement', 'shape', 'theta'], False)
+    (['anatomy', 'anatomy_content', 'coordinates', 'displacement', 'shape', 'theta'], False)
     """
     body = performance.body
     return {

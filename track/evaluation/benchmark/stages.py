@@ -152,7 +152,7 @@ def _pose_timings(bench: Bench) -> list[Timing]:
     body, sample, theta = bench.tracker.subject.body, bench.tracker.sample, bench.frame.theta
     skin = pose_skin(body, theta)
     normals, matches = sample.normals(skin), match_pose(body, bench.target, theta, sample, gate_m=_GATE_M)
-    chosen, weights = matches.vertex, sample.observations[matches.vertex]
+    chosen, weights = matches.vertex, sample.counts(matches)
     varying = pose_skin_varying(body, theta, vertices=chosen)
     fit, few = PoseFit(theta, matches, matches.distance), len(chosen)
     expected = predict(body.anatomy, bench.state, bench.moment.time_s)
