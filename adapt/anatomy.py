@@ -67,7 +67,7 @@ class Joint:
 
     What its coordinates (rad, m), axes, knots and frames mean is said where the type is (``adapt.model.joints``). An
     axis is the line from its first landmark to its second; ``frames[i]`` is where the coordinate equals ``knots[i]``.
-    ``centre`` names the landmarks whose mean is the joint centre.
+    ``centre`` names the landmarks whose mean is the joint centre. ``other`` is a second bone that the child reaches to.
 
     Joints may share a coordinate: a kneecap follows the knee's. Whether the parts make a joint of its type is asked
     when a body is made of them or a file is read (``adapt.model.parts``).
@@ -82,6 +82,7 @@ class Joint:
     centre: tuple[str, ...]
     knots: tuple[float, ...] = ()
     frames: tuple[Frame, ...] = ()
+    other: str | None = None
 
     def landmarks(self) -> tuple[str, ...]:
         """Names of all landmarks that the joint's motion or centre depends on, each once."""

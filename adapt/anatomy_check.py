@@ -96,6 +96,8 @@ def _tree(anatomy: Anatomy) -> Iterator[str]:
             yield f"the first joint, and only that, is free of a parent, which {joint.name} is not as it stands"
         if joint.parent is not None and joint.parent not in placed:
             yield f"the joint {joint.name} stands before one that carries its parent {joint.parent!r}"
+        if joint.other is not None and joint.other not in placed:
+            yield f"the joint {joint.name} stands before one that carries its other bone {joint.other!r}"
         anatomy.bone(joint.child)
         if joint.child in placed:
             yield f"the bone {joint.child} is the child of two joints"

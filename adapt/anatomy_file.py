@@ -63,7 +63,7 @@ def anatomy_description(anatomy: Anatomy) -> dict[str, Any]:
         "name": anatomy.name,
         "side": anatomy.side,
         "bones": [{"name": bone.name, "frame": asdict(bone.frame)} for bone in anatomy.bones],
-        "joints": [asdict(joint) for joint in anatomy.joints],
+        "joints": [_joint_parts(joint) for joint in anatomy.joints],
         "coordinates": [asdict(coordinate) for coordinate in anatomy.coordinates],
         "handles": [asdict(handle) for handle in anatomy.handles],
         "deformers": [asdict(deformer) for deformer in anatomy.deformers],
@@ -218,6 +218,11 @@ def _frame(parts: dict[str, list[str]]) -> Frame:
     return Frame(**{key: tuple(names) for key, names in parts.items()})
 
 
+def _joint_parts(joint: Joint) -> dict[str, Any]:
+    """A second parent is told of joints that have one: what others are in a file, and its digest, stay as they were."""
+    return {key: part for key, part in asdict(joint).items() if key != "other" or part is not None}
+
+
 def _joint(parts: dict[str, Any]) -> Joint:
     return Joint(
         parts["name"],
@@ -229,6 +234,7 @@ def _joint(parts: dict[str, Any]) -> Joint:
         tuple(parts["centre"]),
         tuple(parts.get("knots", ())),  # version 1 had neither knots nor frames
         tuple(_frame(frame) for frame in parts.get("frames", ())),
+        parts.get("other"),
     )
 
 

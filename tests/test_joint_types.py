@@ -5,19 +5,21 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
-from adapt.anatomy import Anatomy, Coordinate, Floats, Joint
+from adapt.anatomy import Anatomy, Coordinate, Floats, Frame, Joint
 from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, bone_frames, bone_transforms, make_body, rest_theta
 from adapt.model.compiled.chain import move_bones
 from adapt.model.compiled.prepared import prepare_chain
-from adapt.model.derivatives import Motion, constant_points
-from adapt.model.joints import JOINT_TYPES, joint_motion
+from adapt.model.derivatives import Motion, compose, constant_points, invert
+from adapt.model.joints import JOINT_TYPES
 from adapt.model.joints.opensim import OsimJoint, TransformAxis
 from adapt.model.kinematics import bone_motions
 from adapt.model.parts import refuse_wrong_parts
@@ -29,7 +31,7 @@ from tests.test_model import check_motion, seeded
 from tests.toy_leg import place, toy_leg, with_joint
 from track.evaluation import opensim_tools
 from track.export.osim import write_osim
-from track.export.osim_joints import body_frames, joints_of_coordinates, osim_joints
+from track.export.osim_joints import body_frames, follower_columns, joints_of_coordinates, osim_joints
 from track.export.osim_motion import in_si_with_coupled
 
 REFLECTION = np.diag([1.0, 1.0, -1.0, 1.0])
@@ -39,13 +41,24 @@ ENDS = {"medial": (0.01, -0.005, -0.03), "front": (0.04, 0.01, 0.004), "high": (
 OPPOSITE = {"medial": "lateral", "front": "back", "high": "low"}
 RANGES = {"rad": (-0.8, 0.7, 0.15), "m": (-0.02, 0.03, 0.004)}
 
-EXAMPLES: dict[str, str | tuple[tuple[str, str], ...]] = {
-    "free": "hip",  # the joint of that name in the toy, or the axes of one in its ankle's place
-    "hinge": (ALONG,),
-    "universal": (ALONG, FORWARD),
-    "ball": (ALONG, FORWARD, UPWARD),
+UPRIGHT = Frame(("low",), ("low",), ("high",), ("medial",), ("lateral",))
+
+EXAMPLES: dict[str, str | dict[str, Any]] = {
+    "free": "hip",  # the joint of that name in the toy, or the parts of one in its ankle's place
+    "hinge": {"axes": (ALONG,)},
+    "universal": {"axes": (ALONG, FORWARD)},
+    "ball": {"axes": (ALONG, FORWARD, UPWARD)},
     "spline": "knee",
-    "cylindrical": (ALONG,),
+    "cylindrical": {"axes": (ALONG,)},
+    "curve": {"frames": (UPRIGHT,)},
+    "ellipsoid": {"frames": (UPRIGHT,), "axes": (FORWARD, UPWARD, ("medial", "lateral"))},
+    "socket": {"frames": (UPRIGHT,)},
+    "strut": {
+        "parent": "thigh",
+        "other": "shank",
+        "axes": (("hip", "low"),),
+        "frames": (Frame(("hip",), ("back",), ("front",), ("hip",), ("low",)),),
+    },
 }
 
 
@@ -56,7 +69,8 @@ def example(name: str) -> tuple[Anatomy, Joint]:
         return toy, toy.joint(given)
     units = JOINT_TYPES[name].units
     own = tuple(Coordinate(f"q{k}", unit, *RANGES[unit]) for k, unit in enumerate(units))
-    joint = Joint("ankle", name, "shank", "foot", tuple(c.name for c in own), given, ("ankle_m", "ankle_l"))
+    parts = {"parent": "shank", "axes": (), "centre": ("ankle_m", "ankle_l")} | given
+    joint = Joint(name="ankle", type=name, child="foot", coordinates=tuple(c.name for c in own), **parts)
     spots = {end: MIDDLE + away for end, away in ENDS.items()} | {
         OPPOSITE[e]: MIDDLE - away for e, away in ENDS.items()
     }
@@ -85,7 +99,7 @@ def thetas_of(body: Body, joint: Joint, count: int = 6) -> Floats:
     """Poses (T, n): the joint anywhere in its range, the others near rest."""
     rng = np.random.default_rng(5)
     thetas = rest_theta(body) + rng.uniform(-0.1, 0.1, (count, len(body.anatomy.coordinates)))
-    if not JOINT_TYPES[joint.type].free:
+    if joint.coordinates and not JOINT_TYPES[joint.type].free:
         own = [body.anatomy.coordinates[i] for i in joint_index(body.anatomy, joint)]
         low, high = np.array([(c.low, c.high) for c in own]).T
         thetas[:, joint_index(body.anatomy, joint)] = rng.uniform(low, high, (count, len(own)))
@@ -103,21 +117,31 @@ def test_it_leaves_the_child_where_it_is_at_rest(case: tuple[Body, Joint]) -> No
         np.testing.assert_allclose(motion, np.eye(4), atol=1e-12)
 
 
-def test_it_varies_as_stated_with_theta_and_landmarks(case: tuple[Body, Joint]) -> None:
+@pytest.mark.parametrize("at", [None, 0.0, 1e-4, 0.5, 2.0])  # rad or m; None: somewhere in the range
+def test_it_varies_as_stated_with_theta_and_landmarks(case: tuple[Body, Joint], at: float | None) -> None:
     body, joint = case
+    theta = thetas_of(body, joint)[0]
+    if at is not None:
+        theta[joint_index(body.anatomy, joint)] = at
     anatomy, n = body.anatomy, len(body.anatomy.coordinates)
     frame = anatomy.bone(joint.child).frame
-    names = dict.fromkeys([*joint.landmarks(), *frame.origin, *frame.y_from, *frame.y_to, *frame.z_from, *frame.z_to])
+    others = [each.landmarks() for each in anatomy.joints if each.child == joint.other]
+    names = dict.fromkeys(
+        [*joint.landmarks(), *frame.origin, *frame.y_from, *frame.y_to, *frame.z_from, *frame.z_to, *sum(others, ())]
+    )
     used = np.array([anatomy.landmark_index(name) for name in names])
     columns = [*range(n), *(n + 3 * k + c for k in used for c in range(3))]
 
     def motion(q: Floats) -> Motion:
         landmarks = body.p.value.copy()
         landmarks[used] = q[n:].reshape(-1, 3)
-        full = joint_motion(anatomy, joint, q[:n], seeded(landmarks, spare=n), 0)
+        moved = bone_motions(anatomy, q[:n], seeded(landmarks, spare=n))
+        full = moved[joint.child]
+        if joint.parent is not None:
+            full = compose(invert(moved[joint.parent]), full)
         return replace(full, d_rotation=full.d_rotation[:, columns], d_translation=full.d_translation[:, columns])
 
-    check_motion(motion, np.r_[thetas_of(body, joint)[0], body.p.value[used].ravel()])
+    check_motion(motion, np.r_[theta, body.p.value[used].ravel()])
 
 
 @pytest.mark.parametrize("beyond", [0.0, 1.5])  # of the range
@@ -154,7 +178,8 @@ def test_the_mirror_image_moves_as_the_mirror_image(case: tuple[Body, Joint]) ->
     left = mirrored_body(right)
     signs = np.ones(len(right.anatomy.coordinates))
     for each in right.anatomy.joints:
-        signs[np.array(joint_index(right.anatomy, each))[list(JOINT_TYPES[each.type].turned_over)]] = -1.0
+        index, turned = joint_index(right.anatomy, each), JOINT_TYPES[each.type].turned_over
+        signs[[index[k] for k in turned]] = -1.0
     np.testing.assert_allclose(rest_theta(left), signs * rest_theta(right), atol=1e-12)
     for theta in thetas_of(right, joint):
         others = bone_transforms(left, signs * theta)
@@ -191,12 +216,12 @@ def test_an_unknown_type_is_refused_in_one_line_with_the_known_ones(case: tuple[
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"coordinates": ()}, "coordinate"),
+        ({"coordinates": ("point",) * 5}, "coordinate"),
         ({"axes": (ALONG,) * 4}, "axes"),
         ({"knots": (0.0,)}, "knot"),
         ({"parent": "another"}, "parent"),
     ],
-    ids=["no coordinates", "four axes", "a knot", "a parent where there is none"],
+    ids=["five coordinates", "four axes", "a knot", "a parent where there is none"],
 )
 def test_parts_that_make_none_are_refused(case: tuple[Body, Joint], wrong: dict[str, object], message: str) -> None:
     body, joint = case
@@ -230,10 +255,14 @@ def of_axis(axis: TransformAxis, values: dict[str, float]) -> float:
 
 
 def placed_by(joint: OsimJoint, values: dict[str, float]) -> Floats:
-    """P X(q) C^-1 (4, 4), as OpenSim's documentation of its joints says."""
-    x = np.eye(4)
+    """P X(q) C^-1 (4, 4), as OpenSim's documentation and source of its joints say."""
+    x, own = np.eye(4), [values[c.name] for c in joint.coordinates if not c.locked]
     if joint.kind == "PinJoint":
-        x[:3, :3] = exp_so3(np.array([0.0, 0.0, values[joint.coordinates[0].name]]))
+        x[:3, :3] = exp_so3(np.array([0.0, 0.0, own[0]]))
+    elif joint.kind == "ConstantCurvatureJoint":
+        x = constant_curvature(np.array(own), *joint.own["length"])
+    elif joint.kind == "ScapulothoracicJoint":
+        x = on_ellipsoid(np.array(own), np.array(joint.own["thoracic_ellipsoid_radii_x_y_z"]))
     else:
         assert joint.kind == "CustomJoint"
         for axis in joint.axes[:3]:
@@ -242,16 +271,34 @@ def placed_by(joint: OsimJoint, values: dict[str, float]) -> Floats:
     return joint.in_parent @ x @ inverse(joint.in_child)
 
 
+def constant_curvature(q: Floats, length: float) -> Floats:
+    """X (4, 4) of an arc of that length (m) along y that is bent by q[:2], which are not zero, and twisted by q[2]."""
+    turn = Rotation.from_euler("XZY", q).as_matrix()
+    across = np.hypot(turn[0, 1], turn[2, 1])
+    angle = np.arctan2(across, turn[1, 1])
+    x, z = (1.0 - np.cos(angle)) / across * turn[[0, 2], 1]
+    return transform(turn, length / angle * np.array([x, np.sin(angle), z]))
+
+
+def on_ellipsoid(q: Floats, radii: Floats) -> Floats:
+    """X (4, 4) of a blade that is abducted, raised and turned upward on an ellipsoid of those radii (m)."""
+    turn = Rotation.from_euler("YXZ", q * [1.0, -1.0, 1.0]).as_matrix()
+    return transform(turn, radii * turn[:, 2])
+
+
 def values_in_opensim(body: Body, thetas: Floats) -> list[dict[str, float]]:
     """What the model's coordinates are, pose by pose."""
-    columns = in_si_with_coupled(body.anatomy, reported_coordinates(body.anatomy, thetas))
+    placed = [bone_transforms(body, theta) for theta in thetas]
+    transforms = {bone.name: np.array([each[bone.name] for each in placed]) for bone in body.anatomy.bones}
+    reported = reported_coordinates(body.anatomy, thetas) | follower_columns(body, transforms)
+    columns = in_si_with_coupled(body.anatomy, reported)
     return [{name: float(values[t]) for name, values in columns.items()} for t in range(len(thetas))]
 
 
 def test_its_form_in_opensim_places_the_bones_where_ours_are(case: tuple[Body, Joint]) -> None:
     body, joint = case
     joints, thetas = osim_joints(body), thetas_of(body, joint)
-    owners = {coordinate.name: each.name for each in joints for coordinate in each.coordinates}
+    owners = {c.name: each.name for each in joints for c in each.coordinates if not c.locked}
     assert joints_of_coordinates(body.anatomy) == owners
     parts = set(JOINT_TYPES[joint.type].opensim_owners(joint).values())
     own = [axis for each in joints if each.name in parts for axis in each.axes]
@@ -277,7 +324,8 @@ def test_opensim_itself_places_them_there(case: tuple[Body, Joint], tmp_path: Pa
     state, thetas = model.initSystem(), thetas_of(body, joint)
     for theta, values in zip(thetas, values_in_opensim(body, thetas), strict=True):
         for coordinate in model.getCoordinateSet():
-            coordinate.setValue(state, values[coordinate.getName()], False)
+            if not coordinate.get_locked():
+                coordinate.setValue(state, values[coordinate.getName()], False)
         model.realizePosition(state)
         for name, frame in bone_frames(body, theta).items():
             there = model.getBodySet().get(name).getTransformInGround(state)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats
+from adapt.model.joints.euler import arm_angles
 from adapt.model.known_rows import of_known_rows
 from adapt.model.pose_space import root_joint
 from capture.rigid import exp_so3
@@ -34,10 +34,7 @@ def thoraco_humeral(
     reflection = np.diag([1.0, 1.0, -1.0 if side == "left" else 1.0])
 
     def angles(vectors: Floats) -> Floats:
-        turned = reflection @ to_thorax @ exp_so3(vectors) @ reflection
-        plane, tilt, axial = Rotation.from_matrix(turned).as_euler("YXY").T
-        # Raising the arm turns about -X (ISB): the same rotation with the tilt's sign turned over.
-        return np.column_stack([_half_turn(plane), tilt, _half_turn(axial)])
+        return arm_angles(reflection @ to_thorax @ exp_so3(vectors) @ reflection)
 
     values = np.rad2deg(of_known_rows(thetas[:, rotation], angles))
     names = ("plane_of_elevation", "elevation", "axial_rotation")
@@ -61,11 +58,6 @@ def refuse_without_humerus(anatomy: Anatomy) -> None:
     if root.child != "humerus":
         problem = f"no thoraco-humeral angles: the free bone of {anatomy.name} is the {root.child}, not the humerus"
         raise MotionError(problem, remedy="leave out the thorax")
-
-
-def _half_turn(angle: Floats) -> Floats:
-    """angle + pi, brought into (-pi, pi]."""
-    return np.asarray(np.pi - np.mod(-angle, 2.0 * np.pi))
 
 
 def read_thorax(path: Path) -> Floats:

@@ -24,8 +24,8 @@ Bools = NDArray[np.bool_]
 def bones_shown(anatomy: Anatomy, skin: Mapping[str, FoundPart], bounds: Bounds = FOLLOWED) -> Bools:
     """Which bones (B,) show, given how the skin of those that have any is found.
 
-    A bone without skin of its own (a kneecap) is placed by a coordinate that it shares: it shows when its parent shows
-    and so does the other bone that moves by that coordinate.
+    A bone without skin of its own is placed by a coordinate that it shares (a kneecap) or by a second bone that it
+    reaches to (a collar bone): it shows when its parent shows and so does that other bone.
     """
     own = {name: shows(part, bounds) for name, part in skin.items()}
     return np.array([own[b.name] if b.name in own else _placed(anatomy, b.name, own) for b in anatomy.bones])
@@ -34,6 +34,8 @@ def bones_shown(anatomy: Anatomy, skin: Mapping[str, FoundPart], bounds: Bounds 
 def _placed(anatomy: Anatomy, bone: str, shown: Mapping[str, bool]) -> bool:
     joint = next(joint for joint in anatomy.joints if joint.child == bone)
     others = [j.child for j in anatomy.joints if j is not joint and set(j.coordinates) & set(joint.coordinates)]
+    if joint.other is not None:
+        others.append(joint.other)
     return bool(others) and all(shown.get(name or "", False) for name in (joint.parent, *others))
 
 
@@ -69,8 +71,9 @@ def coordinates_seen(anatomy: Anatomy, shown: Bools) -> Bools:
     moves = dict(zip((bone.name for bone in anatomy.bones), shown.tolist(), strict=True))
     seen = np.zeros(len(anatomy.coordinates), dtype=bool)
     for joint in reversed(anatomy.joints):  # children come after their parents
-        if joint.parent is not None:
-            moves[joint.parent] |= moves[joint.child]
+        for name in (joint.parent, joint.other):
+            if name is not None:
+                moves[name] |= moves[joint.child]
         for name in joint.coordinates:
             seen[anatomy.coordinate_index(name)] |= moves[joint.child]
     return seen

@@ -32,6 +32,7 @@ from track.angles import refuse_without_humerus, thoraco_humeral
 from track.backward_pass import anchors, go_back
 from track.belonging import subject_fingerprint
 from track.export.opensim_tables import MOT, TRC, write_mot, write_trc
+from track.export.osim_joints import follower_columns
 from track.export.osim_motion import with_coupled
 from track.export.quality_table import QUALITY, write_quality
 from track.first_look import refuse_a_stranger, refuse_two_limbs
@@ -184,7 +185,7 @@ def write_motion_folder(
 ) -> None:
     """Write ``motion.npz``, ``angles.mot``, ``centres.trc`` and ``quality.csv``."""
     thetas = known_thetas(subject.anatomy, motion.thetas, motion.shown)
-    columns = reported_coordinates(subject.anatomy, thetas)
+    columns = reported_coordinates(subject.anatomy, thetas) | follower_columns(subject.body, motion.transforms)
     if world_from_thorax is not None:
         rotation = root_coordinates(subject.anatomy)[:3]
         columns |= thoraco_humeral(world_from_thorax, thetas, rotation, side=subject.anatomy.side)

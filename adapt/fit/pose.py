@@ -8,7 +8,7 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.fit.least_squares import levenberg_marquardt
-from adapt.fit.priors import range_term
+from adapt.fit.priors import held_term, range_term
 from adapt.fit.problem import PLANE_WEIGHT, Quadratic, data_energy, data_term, gaussian_term
 from adapt.match.bending_skin import bend_trust
 from adapt.match.correspondences import GATE_M, Correspondences, Target, find_corres
@@ -67,7 +67,7 @@ class PoseEnergy:
         return data + self._expected(theta).energy
 
     def _expected(self, theta: Floats) -> Quadratic:
-        limits = range_term(self.body.anatomy, theta)
+        limits = range_term(self.body.anatomy, theta) + held_term(self.body, theta)
         return limits if self.prior is None else limits + gaussian_term(theta, self.prior.mean, self.prior.precision)
 
 

@@ -189,6 +189,13 @@ class Arrow:
             self._gradient[term.block] += term.quadratic.gradient
             self._hessian[term.block, term.block] += term.quadratic.hessian
 
+    def add_across(self, k: int, quadratic: Quadratic) -> None:
+        """Add a term over the k-th pose and the shape, in this order."""
+        index = np.r_[self._of.pose(k), self._of.shape]
+        self._energy += quadratic.energy
+        self._gradient[index] += quadratic.gradient
+        self._hessian[np.ix_(index, index)] += quadratic.hessian
+
     def add_matches(
         self,
         k: int,
@@ -206,10 +213,9 @@ class Arrow:
         """
         of = self._of
         jacobian, far = weighted(skin, matches, weights, plane_weight=plane_weight)
-        flat, index = jacobian.reshape(far.size, jacobian.shape[2]), np.r_[of.pose(k), of.shape]
-        self._energy += 0.5 * float(np.vdot(far, far))
-        self._gradient[index] += (flat.T @ far.ravel())[:-1]
-        self._hessian[np.ix_(index, index)] += (flat.T @ flat)[:-1, :-1]
+        flat = jacobian.reshape(far.size, jacobian.shape[2])
+        gradient, hessian = (flat.T @ far.ravel())[:-1], (flat.T @ flat)[:-1, :-1]
+        self.add_across(k, Quadratic(0.5 * float(np.vdot(far, far)), gradient, hessian))
         _add_shares(self._shares, rows, jacobian, far, of.m + k * of.n, of.n)
 
     def of_pose(self, k: int) -> tuple[Floats, Floats]:

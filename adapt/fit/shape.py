@@ -17,7 +17,7 @@ import numpy as np
 from adapt.anatomy import Floats, Ints
 from adapt.fit.least_squares import levenberg_marquardt
 from adapt.fit.pose import match_pose, next_gate
-from adapt.fit.priors import range_term
+from adapt.fit.priors import held_term, range_term
 from adapt.fit.problem import (
     PLANE_WEIGHT,
     Arrow,
@@ -143,6 +143,7 @@ class ShapeEnergy:
             posed = skin.posed(x[pose], rows)
             arrow.add_matches(k, rows, posed, match, weights, plane_weight=self.plane_weight)
             arrow.add(Term(pose, range_term(anatomy, x[pose])), Term(pose, self._hardly_told))
+            arrow.add_across(k, held_term(self.at(x), x[pose], with_shape=True))
         return arrow.quadratic()
 
     def value(self, x: Floats) -> float:
@@ -153,7 +154,7 @@ class ShapeEnergy:
             skin = pose_skin(moved, x[of.pose(k)], vertices=match.vertex)
             weights = self.sample.counts(match)
             energy += data_energy(skin, match, weights, plane_weight=self.plane_weight)
-            energy += range_term(moved.anatomy, x[of.pose(k)]).energy
+            energy += range_term(moved.anatomy, x[of.pose(k)]).energy + held_term(moved, x[of.pose(k)]).energy
         return energy
 
     def expected(self, x: Floats) -> tuple[Term, Term]:

@@ -12,8 +12,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
-from adapt.model.compiled.chain import Chain
 from adapt.model.compiled.layout import BoundSkin, Varying
+from adapt.model.compiled.links import Chain
 from adapt.model.compiled.prepared import prepare_chain, prepare_skin
 from adapt.model.compiled.skin import pose_rows
 from adapt.model.deformers import bind, bone_shares

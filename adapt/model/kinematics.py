@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from adapt.anatomy import Anatomy, Floats
-from adapt.model.derivatives import Motion, Points, compose
-from adapt.model.joints import joint_motion
+from adapt.model.derivatives import Motion, Points
+from adapt.model.joints import carried_by
 
 
 def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: int = 0) -> dict[str, Motion]:
@@ -25,8 +25,7 @@ def bone_motions(anatomy: Anatomy, theta: Floats, p: Points, *, first_column: in
     """
     motions: dict[str, Motion] = {}
     for joint in anatomy.joints:
-        motion = joint_motion(anatomy, joint, theta, p, first_column)
-        motions[joint.child] = motion if joint.parent is None else compose(motions[joint.parent], motion)
+        motions[joint.child] = carried_by(anatomy, joint, theta, p, first_column, motions)
     return motions
 
 

@@ -1,7 +1,8 @@
 """The space of poses theta: where the limb is (free joints), the angles between its bones, and how poses differ.
 
 A free joint has six coordinates: a rotation vector, then an origin, both in the recording. They are no angles of a
-joint, they have no range that means anything, and rotation vectors neither subtract nor add: for turns R(r) = exp(r),
+joint, and they have no range that means anything. Rotation vectors, which other joints may have, too, neither subtract
+nor add: for turns R(r) = exp(r),
 
     difference(theta, earlier) = log(R(theta) R(earlier)^T),     advance(theta, step) = log(R(step) R(theta)).
 """
@@ -98,7 +99,7 @@ def rest_pose(anatomy: Anatomy, p: Points) -> Floats:
 
 
 def pose_difference(anatomy: Anatomy, theta: Floats, earlier: Floats) -> Floats:
-    """theta - earlier (n,), with a free joint's turn as the rotation vector that leads from one to the other.
+    """theta - earlier (n,), with turns told by rotation vectors as the one that leads from one to the other.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> arm = load_anatomy("upper-limb-right")
@@ -130,7 +131,7 @@ def advance(anatomy: Anatomy, theta: Floats, step: Floats) -> Floats:
 
 
 def wrap(anatomy: Anatomy, theta: Floats) -> Floats:
-    """The same pose with free joints' rotation vectors no longer than pi, where they vary smoothly.
+    """The same pose with rotation vectors no longer than pi, where they vary smoothly.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> theta = np.zeros(10)
@@ -167,7 +168,7 @@ def moved_rigidly(anatomy: Anatomy, theta: Floats, move: Floats) -> Floats:
 def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
     """Poses (T, n) as named columns (T,): degrees for rotations, metres for translations.
 
-    A free joint's rotation vector is reported as OpenSim's FreeJoint does, as body-fixed X-Y-Z angles, under
+    A rotation vector is reported as body-fixed X-Y-Z angles, as OpenSim's FreeJoint does, under
     the names ``<joint>_euler_x``, ``_y``, ``_z``. NaN poses stay NaN.
 
     >>> from adapt.anatomy_file import load_anatomy
@@ -184,4 +185,6 @@ def reported_coordinates(anatomy: Anatomy, thetas: Floats) -> dict[str, Floats]:
 
 
 def _rotation_vectors(anatomy: Anatomy) -> list[list[int]]:
-    return [index[:3] for index in free_coordinates(anatomy)]
+    """Where the three coordinates of each rotation vector stand in theta."""
+    having = [(joint, JOINT_TYPES[joint.type].rotation_vector) for joint in anatomy.joints]
+    return [[joint_index(anatomy, joint)[k] for k in which] for joint, which in having if which]

@@ -17,6 +17,7 @@ from capture.own import WRITTEN, Mark, refuse_any_foreign, replaced_if_own, tabl
 from track.belonging import refuse_other_subject
 from track.export.opensim_tables import MOT, TRC, write_mot, write_mot_in_radians, write_trc
 from track.export.osim import landmark_markers, marker_paths, osim_files, write_osim
+from track.export.osim_joints import follower_columns
 from track.export.osim_motion import STATES, in_si_with_coupled, with_coupled, write_states
 from track.export.tables import PARQUET, motion_tables, write_csv, write_parquet
 from track.motion import Motion, MotionError
@@ -76,6 +77,7 @@ def _tracks(motion: Motion, subject: Subject, out: Path) -> list[_Piece]:
     """The angles and points over time."""
     anatomy, times = subject.anatomy, motion.times
     columns = reported_coordinates(anatomy, known_thetas(anatomy, motion.thetas, motion.shown))
+    columns |= follower_columns(subject.body, motion.transforms)
     degrees, radians = with_coupled(anatomy, columns), in_si_with_coupled(anatomy, columns)
     markers = marker_paths(landmark_markers(subject.body), motion.transforms)
     return [

@@ -155,6 +155,7 @@ def _joint(joint: OsimJoint) -> ET.Element:
     parent = "/ground" if joint.parent is None else f"/bodyset/{joint.parent}"
     frames.append(_offset("parent_offset", parent, joint.in_parent))
     frames.append(_offset("child_offset", f"/bodyset/{joint.child}", joint.in_child))
+    _texts(element, **{name: _numbers(values) for name, values in joint.own.items()})
     if joint.axes:
         transform = ET.SubElement(element, "SpatialTransform")
         transform.extend(_axis(name, axis) for name, axis in zip(_AXES, joint.axes, strict=True))
@@ -166,6 +167,8 @@ def _coordinate(coordinate: OsimCoordinate) -> ET.Element:
     limits = _numbers([coordinate.low, coordinate.high])
     # Not clamped: a tracked pose may lie a little outside the range and is to be shown where it is.
     _texts(element, default_value=_numbers([coordinate.default]), range=limits, clamped="false")
+    if coordinate.locked:
+        _texts(element, locked="true")
     return element
 
 

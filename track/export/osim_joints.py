@@ -6,6 +6,8 @@ its own, ``<coordinate>_beta`` as in OpenSim's models, and a CoordinateCouplerCo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body, rest_theta
 from adapt.model.frames import frame_from_landmarks
@@ -46,6 +48,17 @@ def joints_of_coordinates(anatomy: Anatomy) -> dict[str, str]:
         own = JOINT_TYPES[joint.type].opensim_owners(joint)
         owner |= {f"{name}{FOLLOWER}" if name in owner else name: of for name, of in own.items()}
     return owner
+
+
+def follower_columns(body: Body, transforms: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Columns (T,) in degrees of what follows bones and is no coordinate of ours (a collar bone's turns).
+
+    ``transforms`` (T, 4, 4) lead from rest to pose; NaN stays NaN.
+    """
+    columns: dict[str, Floats] = {}
+    for joint in body.anatomy.joints:
+        columns |= JOINT_TYPES[joint.type].opensim_followers(body.anatomy, joint, body.p.value, transforms)
+    return columns
 
 
 def osim_joints(body: Body) -> list[OsimJoint]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from adapt.anatomy import Floats
 from adapt.model.compiled.between import Between, frames_between
-from adapt.model.compiled.chain import Bones
 from adapt.model.compiled.layout import TURNING, BoundSkin, Varying
+from adapt.model.compiled.links import Bones
 from capture.compiled import compiled_sums, inlined
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.model.compiled.chain import Bones
 from adapt.model.compiled.layout import BENDING, RIGID, BoundSkin, Varying
+from adapt.model.compiled.links import Bones
 from adapt.model.compiled.rotations import add_cross, add_product, inverse_left_jacobian, length, log, turn
 from capture.compiled import compiled
 

@@ -10,49 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adapt.anatomy import Floats, Ints
+from adapt.anatomy import Floats
+from adapt.model.compiled.links import Bones, Chain
+from adapt.model.compiled.pointing import point_at, swing_along
+from adapt.model.compiled.reach import arc, pole
 from adapt.model.compiled.rotations import add_cross, add_product, exp, left_jacobian, turn
-from adapt.model.compiled.rows import PLACE, SCREW
+from adapt.model.compiled.rows import ARC, GLIDE, HOLD, PLACE, SCREW, SWING, TOWARDS
 from capture.compiled import compiled
-
-
-class Chain(NamedTuple):
-    """S elementary motions, parents before children: H = G(q) A, T_bone = T_before H.
-
-    They are the rows of ``adapt.model.compiled.rows``. A joint may have several, each with the bone that the one before
-    has moved as its ``before``, which is -1 where the motion starts from the recording's frame.
-    """
-
-    kind: Ints  # (S,)
-    before: Ints  # (S,) bone
-    bone: Ints  # (S,)
-    coordinates: Ints  # (S, 6) where q stands in theta; all six of what is placed, else the first
-    rest: Floats  # (S,) of a screw: q at rest
-    point: Floats  # (S, 3) of a screw: on its axis
-    direction: Floats  # (S, 3) of a screw
-    turn: Floats  # (S,) of a screw: rad for one of q
-    shift: Floats  # (S,) of a screw: m for one of q
-    knots: Floats  # (S, K) of a glide, the last repeated to fill the row
-    pieces: Floats  # (S, 4, K - 1, 6) of a glide: r (rad) and o (m) as cubics of q - knot, highest power first
-    after_rotation: Floats  # (S, 3, 3) of A
-    after_translation: Floats  # (S, 3)
-    d_point: Floats  # (S, 3, m), and so on
-    d_direction: Floats
-    d_pieces: Floats  # (S, 4, K - 1, 6, m)
-    d_after_rotation: Floats  # (S, 3, m)
-    d_after_translation: Floats
-
-
-class Bones(NamedTuple):
-    """Motions of B bones with their n + m derivatives, as in ``adapt.model.derivatives.Motion``.
-
-    The last one is no bone but the recording's frame, which stays where it is.
-    """
-
-    rotation: Floats  # (B, 3, 3)
-    translation: Floats  # (B, 3)
-    d_rotation: Floats  # (B, 3, n + m)
-    d_translation: Floats  # (B, 3, n + m)
 
 
 class _Step(NamedTuple):
@@ -81,29 +45,16 @@ def _move(
     chain: Chain, theta: Floats, bones: Bones, h: _Step, outer: _Step, q: Floats, g: Floats, varied: Floats
 ) -> None:
     m = varied.shape[1]
+    swung = np.zeros((3, len(theta) + m))  # how what points at another bone turns with everything
     for s in range(len(chain.kind)):
         for i in range(3):
             for c in range(6 + m):
                 h.d_rotation[i, c], h.d_translation[i, c] = 0.0, 0.0
-        own = 1
-        if chain.kind[s] == PLACE:
-            own = 6
-            for i in range(3):
-                q[i] = theta[chain.coordinates[s, i]]
-                h.translation[i] = theta[chain.coordinates[s, 3 + i]]
-                h.d_translation[i, 3 + i] = 1.0
-            exp(q, g)
-            left_jacobian(q, h.d_rotation)  # fills the first three columns
-        elif chain.kind[s] == SCREW:
-            step = theta[chain.coordinates[s, 0]] - chain.rest[s]
-            _screw(chain.direction[s], chain.point[s], chain.turn[s], chain.shift[s], step, h, q, g)
-            if m > 0:
-                _vary_screw(chain, s, step, h, q, g, varied)
+            h.translation[i] = 0.0
+        if chain.kind[s] == TOWARDS:
+            own = point_at(chain, s, bones, g, swung)
         else:
-            at = theta[chain.coordinates[s, 0]]
-            _glide(chain.knots[s], chain.pieces[s], at, h, q, g)
-            if m > 0:
-                _vary_glide(chain.knots[s], chain.d_pieces[s], at, h, q, varied)
+            own = _own(chain, theta, s, h, q, g, varied)
         turn(g, chain.after_translation[s], q)
         add_cross(q, h.d_rotation, -1.0, h.d_translation)
         add_product(g, chain.d_after_rotation[s], h.d_rotation[:, 6:])
@@ -122,6 +73,59 @@ def _move(
                     bones.d_translation[chain.bone[s], i, column] += outer.rotation[i, j] * h.d_translation[j, c]
         add_product(outer.rotation, h.d_rotation[:, 6:], bones.d_rotation[chain.bone[s]][:, len(theta) :])
         add_product(outer.rotation, h.d_translation[:, 6:], bones.d_translation[chain.bone[s]][:, len(theta) :])
+        if chain.kind[s] == TOWARDS:
+            swing_along(outer.rotation, chain.after_translation[s], g, swung, bones, chain.bone[s])
+
+
+@compiled
+def _own(chain: Chain, theta: Floats, s: int, h: _Step, q: Floats, g: Floats, varied: Floats) -> int:
+    """G of one row: shift and derivatives go to ``h``, the rotation to ``g``; returns how many coordinates it has."""
+    kind, m = chain.kind[s], varied.shape[1]
+    if kind == SCREW:
+        step = theta[chain.coordinates[s, 0]] - chain.rest[s]
+        _screw(chain.direction[s], chain.point[s], chain.turn[s], chain.shift[s], step, h, q, g)
+        if m > 0:
+            _vary_screw(chain, s, step, h, q, g, varied)
+        return 1
+    if kind == GLIDE:
+        at = theta[chain.coordinates[s, 0]]
+        _glide(chain.knots[s], chain.pieces[s], at, h, q, g)
+        if m > 0:
+            _vary_glide(chain.knots[s], chain.d_pieces[s], at, h, q, varied)
+        return 1
+    for i in range(3):
+        q[i] = theta[chain.coordinates[s, i]]
+    if kind in (PLACE, SWING):
+        exp(q, g)
+        left_jacobian(q, h.d_rotation)  # fills the first three columns
+        if kind == SWING:
+            return 3
+        for i in range(3):
+            h.translation[i] = theta[chain.coordinates[s, 3 + i]]
+            h.d_translation[i, 3 + i] = 1.0
+        return 6
+    for i in range(3):
+        for j in range(3):
+            g[i, j] = 1.0 if i == j else 0.0
+    if kind == HOLD:
+        return 0
+    _reach(chain, s, h, q)
+    return 3
+
+
+@compiled
+def _reach(chain: Chain, s: int, h: _Step, q: Floats) -> None:
+    """A shift by size * w(q); q becomes w."""
+    if chain.kind[s] == ARC:
+        arc(q, h.d_translation)
+    else:
+        pole(q, h.d_translation)
+    for i in range(3):
+        h.translation[i] = chain.size[s, i] * q[i]
+        for c in range(3):
+            h.d_translation[i, c] *= chain.size[s, i]
+        for k in range(chain.d_size.shape[2]):
+            h.d_translation[i, 6 + k] = q[i] * chain.d_size[s, i, k]
 
 
 @compiled

@@ -9,8 +9,8 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.compiled.at_rest import put_into_frames
-from adapt.model.compiled.chain import Chain
 from adapt.model.compiled.layout import BoundSkin, Varying
+from adapt.model.compiled.links import Chain
 from adapt.model.compiled.rows import Row
 from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.derivatives import Points
@@ -31,7 +31,8 @@ def prepare_chain(anatomy: Anatomy, p: Points) -> Chain:
         kind=np.array([row.kind for row in rows]),
         before=np.array([step.before for step in steps]),
         bone=np.array([step.bone for step in steps]),
-        coordinates=np.array([np.resize(step.coordinates, 6) for step in steps]),
+        other=np.array([step.other for step in steps]),
+        coordinates=np.array([np.resize(step.coordinates or (0,), 6) for step in steps]),
         rest=np.array([row.rest for row in rows]),
         point=np.array([row.axis.point for row in rows]),
         direction=np.array([row.axis.direction for row in rows]),
@@ -39,11 +40,13 @@ def prepare_chain(anatomy: Anatomy, p: Points) -> Chain:
         shift=np.array([row.shift for row in rows]),
         knots=np.array([np.pad(row.knots, (0, widest - len(row.knots)), mode="edge") for row in rows]),
         pieces=np.array([_padded(row.pieces, widest - 1) for row in rows]),
+        size=np.array([row.size for row in rows]),
         after_rotation=np.array([row.after.rotation for row in rows]),
         after_translation=np.array([row.after.translation for row in rows]),
         d_point=_columns([row.axis.d_point for row in rows], p.n),
         d_direction=_columns([row.axis.d_direction for row in rows], p.n),
         d_pieces=d_pieces,
+        d_size=_columns([row.d_size for row in rows], p.n),
         d_after_rotation=_columns([row.after.d_rotation for row in rows], p.n),
         d_after_translation=_columns([row.after.d_translation for row in rows], p.n),
     )
@@ -101,6 +104,7 @@ class _Step(NamedTuple):
 
     before: int
     bone: int
+    other: int
     coordinates: tuple[int, ...]  # where q stands in theta
     row: Row
 
@@ -110,8 +114,9 @@ def _steps(anatomy: Anatomy, p: Points) -> Iterator[_Step]:
     for joint in anatomy.joints:
         index = [anatomy.coordinate_index(name) for name in joint.coordinates]
         bone, before = order.index(joint.child), -1 if joint.parent is None else order.index(joint.parent)
+        other = -1 if joint.other is None else order.index(joint.other)
         for row in JOINT_TYPES[joint.type].rows(anatomy, joint, p):
-            yield _Step(before, bone, tuple(index[k] for k in row.coordinates), row)
+            yield _Step(before, bone, other, tuple(index[k] for k in row.coordinates), row)
             before = bone
 
 

@@ -18,8 +18,9 @@ import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.compiled.between import Between, frames_between
-from adapt.model.compiled.chain import Bones, Chain, move_bones
+from adapt.model.compiled.chain import move_bones
 from adapt.model.compiled.layout import BENDING, RIGID, TURNING, BoundSkin, Varying
+from adapt.model.compiled.links import Bones, Chain
 from capture.compiled import compiled_sums
 
 _ONSET, _CREASE = 0.09, 0.3  # of adapt.model.deformers.bend

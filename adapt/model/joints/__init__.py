@@ -2,20 +2,28 @@
 
 T_child = T_parent H(q, q_rest; p), with H the identity at rest. Writing the joint in rest space keeps
 T_b(theta) = F_b(theta) F_b(rest)^-1 (paper, section 3.1) without a frame of its own at every joint.
+
+The limbs have free joints, hinges, universal joints, balls and splines. Curves (the spine), ellipsoids (the
+shoulder blade), struts (the collar bone) and sockets (the shoulder) are for a trunk: no anatomy that ships has one yet.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.derivatives import Motion, Points
 from adapt.model.joints.ball import Ball
+from adapt.model.joints.curve import Curve
 from adapt.model.joints.cylindrical import Cylindrical
+from adapt.model.joints.ellipsoid import Ellipsoid
 from adapt.model.joints.free import Free
 from adapt.model.joints.hinge import Hinge
 from adapt.model.joints.joint_type import JointType
+from adapt.model.joints.socket import Socket
 from adapt.model.joints.spline import Spline
+from adapt.model.joints.strut import Strut
 from adapt.model.joints.universal import Universal
 
 _TYPES: tuple[JointType, ...] = (
@@ -25,6 +33,10 @@ _TYPES: tuple[JointType, ...] = (
     Ball(),
     Spline(),
     Cylindrical(),
+    Curve(),
+    Ellipsoid(),
+    Socket(),
+    Strut(),
 )
 JOINT_TYPES = {each.name: each for each in _TYPES}
 """Every type of joint by the name that an anatomy gives it."""
@@ -35,6 +47,15 @@ def joint_motion(anatomy: Anatomy, joint: Joint, theta: Floats, p: Points, first
     index = [anatomy.coordinate_index(name) for name in joint.coordinates]
     columns = [first_column + i for i in index]
     return JOINT_TYPES[joint.type].motion(anatomy, joint, theta[index], p, columns)
+
+
+def carried_by(
+    anatomy: Anatomy, joint: Joint, theta: Floats, p: Points, first_column: int, motions: Mapping[str, Motion]
+) -> Motion:
+    """T_child of the joint, given the motions of the bones that are placed before it, by name."""
+    index = [anatomy.coordinate_index(name) for name in joint.coordinates]
+    columns = [first_column + i for i in index]
+    return JOINT_TYPES[joint.type].carried(anatomy, joint, theta[index], p, columns, motions)
 
 
 def joint_problem(joint: Joint) -> str | None:

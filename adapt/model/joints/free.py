@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.compiled.rows import Row, place
 from adapt.model.derivatives import Motion, Points, compose, invert
 from adapt.model.frames import frame_from_landmarks
+from adapt.model.joints.euler import euler_angles, euler_names
 from adapt.model.joints.joint_type import JointType
 from adapt.model.joints.opensim import OsimCoordinate, OsimJoint, Resting, TransformAxis
 from adapt.model.known_rows import of_known_rows
@@ -21,6 +21,7 @@ class Free(JointType):
     name = "free"
     units = ("rad", "rad", "rad", "m", "m", "m")
     free = True
+    rotation_vector = (0, 1, 2)
     turned_over = (0, 1, 5)  # S = diag(1, 1, -1): a rotation vector r becomes -S r, a translation t becomes S t
 
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
@@ -65,25 +66,6 @@ class Free(JointType):
     def opensim_owners(self, joint: Joint) -> dict[str, str]:
         """Those of the X-Y-Z angles and of the translation."""
         return dict.fromkeys((*euler_names(joint), *joint.coordinates[3:]), joint.name)
-
-
-def euler_names(joint: Joint) -> tuple[str, str, str]:
-    """Names of the angles that a free joint's rotation vector is reported as.
-
-    >>> from adapt.anatomy_file import load_anatomy
-    >>> euler_names(load_anatomy("lower-limb-right").joint("pelvis"))
-    ('pelvis_euler_x', 'pelvis_euler_y', 'pelvis_euler_z')
-    """
-    return f"{joint.name}_euler_x", f"{joint.name}_euler_y", f"{joint.name}_euler_z"
-
-
-def euler_angles(rotation_vectors: Floats) -> Floats:
-    """Body-fixed X-Y-Z angles (N, 3) in radians of rotation vectors (N, 3).
-
-    >>> euler_angles(np.array([[0.5, 0.5, 0.0], [0.3, 0.2, 0.1]])).round(2).tolist()
-    [[0.54, 0.48, -0.14], [0.29, 0.21, 0.07]]
-    """
-    return np.asarray(Rotation.from_rotvec(rotation_vectors).as_euler("XYZ"))
 
 
 def _unwrapped(angle: Floats) -> Floats:

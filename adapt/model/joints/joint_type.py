@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
 from adapt.model.compiled.rows import Row
-from adapt.model.derivatives import Motion, Points
+from adapt.model.derivatives import Motion, Points, compose
 from adapt.model.frames import mirrored_frame
 from adapt.model.joints.opensim import OsimJoint, Resting
 
@@ -22,7 +23,10 @@ class JointType(ABC):
     units: ClassVar[tuple[Literal["rad", "m"], ...]]  # of its coordinates
     axes: ClassVar[int] = 0  # how many
     free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
+    reaches: ClassVar[bool] = False  # whether the child reaches to a second bone, the joint's ``other``
+    holds: ClassVar[bool] = False  # whether it holds something besides its ranges, which ``held`` tells
     child_carries_centre: ClassVar[bool] = False  # as well as the parent: the child only turns about it
+    rotation_vector: ClassVar[tuple[int, ...]] = ()  # which coordinates are one: they neither add nor subtract
     turned_over: ClassVar[tuple[int, ...]] = ()  # which coordinates change their signs in the mirror image
 
     def problem(self, joint: Joint) -> str | None:
@@ -31,6 +35,8 @@ class JointType(ABC):
             return f"a joint of type {self.name} has {len(self.units)} coordinate(s) and {self.axes} axes"
         if self.free != (joint.parent is None):
             return "a free joint has no parent, and every other has one"
+        if self.reaches != (joint.other is not None):
+            return f"a joint of type {self.name} has {'an' if self.reaches else 'no'} other bone"
         return self.knots_problem(joint)
 
     def knots_problem(self, joint: Joint) -> str | None:
@@ -40,6 +46,17 @@ class JointType(ABC):
     @abstractmethod
     def motion(self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int]) -> Motion:
         """H in rest space at the coordinates ``q`` (rad, m), whose derivatives are those ``columns``; I at rest."""
+
+    def carried(
+        self, anatomy: Anatomy, joint: Joint, q: Floats, p: Points, columns: list[int], motions: Mapping[str, Motion]
+    ) -> Motion:
+        """T_child, given the motions of the bones that are placed before it: as a rule T_parent H."""
+        motion = self.motion(anatomy, joint, q, p, columns)
+        return motion if joint.parent is None else compose(motions[joint.parent], motion)
+
+    def held(self, anatomy: Anatomy, joint: Joint, p: Points, motions: Mapping[str, Motion]) -> tuple[float, Floats]:
+        """Of a joint that ``holds``: how far off it is, in standard deviations, with the derivative (n,) of that."""
+        raise NotImplementedError(f"a joint of type {self.name} holds nothing")
 
     @abstractmethod
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:
@@ -62,6 +79,15 @@ class JointType(ABC):
     @abstractmethod
     def in_opensim(self, rest: Resting, joint: Joint, *, follows: bool) -> tuple[OsimJoint, ...]:
         """Its form in OpenSim; ``follows``: coordinates are a joint's before, which followers are held equal to."""
+
+    def opensim_followers(
+        self, anatomy: Anatomy, joint: Joint, p: Floats, transforms: Mapping[str, Floats]
+    ) -> dict[str, Floats]:
+        """Values (T,) in degrees of what that form has besides the coordinates, from bones' transforms (T, 4, 4).
+
+        ``p`` (P, 3) are the landmarks at rest.
+        """
+        return {}
 
     def opensim_owners(self, joint: Joint) -> dict[str, str]:
         """The coordinates of that form, under names of no followers, and the joint of that form that has each."""

@@ -22,17 +22,19 @@ from adapt.model.derivatives import Points
 from adapt.model.frames import line_through
 from capture.rigid import inverse, transform
 
+_NOTHING: Mapping[str, tuple[float, ...]] = {}
 FOLLOWER = "_beta"  # ends the name of a coordinate that only follows another, as in OpenSim's models
 
 
 @dataclass(frozen=True)
 class OsimCoordinate:
-    """One coordinate of the model; radians and metres."""
+    """One coordinate of the model; radians and metres. One that is locked stands still: none of ours is meant."""
 
     name: str
     low: float
     high: float
     default: float
+    locked: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,10 @@ class TransformAxis:
 
 @dataclass(frozen=True, eq=False)
 class OsimJoint:
-    """``kind`` is OpenSim's class; ``axes`` are a CustomJoint's three turns and three shifts, else nothing."""
+    """``kind`` is OpenSim's class; ``axes`` are a CustomJoint's three turns and three shifts, else nothing.
+
+    ``own`` are numbers that a class has and others have not, by the names that OpenSim's files give them.
+    """
 
     kind: str
     name: str
@@ -57,6 +62,7 @@ class OsimJoint:
     in_child: Floats  # C (4, 4), on the child's
     coordinates: tuple[OsimCoordinate, ...]
     axes: tuple[TransformAxis, ...] = ()
+    own: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +95,12 @@ class Resting:
         turned: Floats,
         coordinates: tuple[OsimCoordinate, ...],
         axes: tuple[TransformAxis, ...] = (),
+        own: Mapping[str, tuple[float, ...]] = _NOTHING,
     ) -> OsimJoint:
         """The joint whose P and C (4, 4) in rest space are ``placed`` and ``turned``."""
         to_parent, to_child = inverse(self.frames[joint.parent or ""]), inverse(self.frames[joint.child])
         name, parent, child = joint.name, joint.parent, joint.child
-        return OsimJoint(kind, name, parent, child, to_parent @ placed, to_child @ turned, coordinates, axes)
+        return OsimJoint(kind, name, parent, child, to_parent @ placed, to_child @ turned, coordinates, axes, own)
 
 
 def along_z(axis: Floats) -> Floats:
