@@ -32,7 +32,8 @@ def shipped_files() -> set[Path]:
         if _matches(package, find["include"]) and not _matches(package, find["exclude"]):
             files.add(path.relative_to(ROOT))
     for package, patterns in data.items():
-        files |= {path.relative_to(ROOT) for pattern in patterns for path in (ROOT / package).glob(pattern)}
+        found = (path for pattern in patterns for path in (ROOT / package).glob(pattern))
+        files |= {path.relative_to(ROOT) for path in found if path.is_file()}
     return files
 
 
