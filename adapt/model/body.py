@@ -183,7 +183,7 @@ def rest_theta(body: Body) -> Floats:
     >>> leg = load_anatomy("lower-limb-right")
     >>> theta = rest_theta(make_body(leg))
     >>> round(float(np.rad2deg(theta[leg.coordinate_index("knee_angle_r")])), 1)
-    1.0
+    1.3
     """
     return rest_pose(body.anatomy, body.p)
 

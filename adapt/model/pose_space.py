@@ -90,7 +90,7 @@ def rest_pose(anatomy: Anatomy, p: Points) -> Floats:
     >>> arm = load_anatomy("upper-limb-right")
     >>> theta = rest_pose(arm, constant_points(arm.landmarks, 1))
     >>> round(float(np.rad2deg(theta[arm.coordinate_index("elbow_flexion")])), 1)
-    41.9
+    41.1
     """
     theta = np.array([coordinate.rest for coordinate in anatomy.coordinates])
     for joint in anatomy.joints:

@@ -16,7 +16,7 @@ def resized(body: Body, size: float) -> Body:
     >>> from adapt.anatomy_file import load_anatomy
     >>> arm = make_body(load_anatomy("upper-limb-right"))
     >>> arm.rest_bones["hand"].std(axis=0).round(3).tolist()
-    [0.041, 0.033, 0.026]
+    [0.04, 0.033, 0.027]
     >>> resized(arm, 2.0).rest_bones["hand"].std(axis=0).round(3).tolist()
     [0.081, 0.066, 0.053]
     """

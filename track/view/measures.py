@@ -52,7 +52,7 @@ def lengths(subject: Subject) -> list[Length]:
     >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), 1e-4 * np.eye(16), {})
     >>> first = lengths(subject)[0]
     >>> first.bone, first.ends, round(first.length_m, 3), first.length_m == first.template_m
-    ('humerus', 'middle of EM and EL to GH', 0.281, True)
+    ('humerus', 'middle of EM and EL to GH', 0.279, True)
     """
     template = _template(subject)
     rows = []
@@ -71,7 +71,7 @@ def girths(subject: Subject) -> list[Girth]:
     >>> arm = make_body(load_anatomy("upper-limb-right"))
     >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), np.eye(16), {})
     >>> [(girth.bone, girth.share, round(girth.girth_m, 2)) for girth in girths(subject)[:3]]
-    [('humerus', 0.25, 0.28), ('humerus', 0.5, 0.3), ('humerus', 0.75, 0.37)]
+    [('humerus', 0.25, 0.28), ('humerus', 0.5, 0.3), ('humerus', 0.75, 0.36)]
     """
     template = _template(subject)
     rows = []

@@ -100,6 +100,6 @@ def rest_values(anatomy: Anatomy, joint: Joint) -> Floats:
     >>> from adapt.anatomy_file import load_anatomy
     >>> arm = load_anatomy("upper-limb-right")
     >>> np.rad2deg(rest_values(arm, arm.joint("elbow"))).round(1).tolist()
-    [41.9]
+    [41.1]
     """
     return np.array([anatomy.coordinates[anatomy.coordinate_index(name)].rest for name in joint.coordinates])
