@@ -101,7 +101,8 @@ def _furthest(lens: Lens) -> float:
     """The slope from the axis up to which the lens spreads points out, in every direction.
 
     Rings of rays are projected. While the lens spreads points out, the four corners of each patch between two rings
-    keep their sense of rotation; at a fold, or beyond a pole, a patch turns over.
+    keep their sense of rotation; at a fold a patch turns over. Beyond a pole of the radial model all is turned by
+    half a turn, which keeps that sense: there its denominator is negative.
     """
     slope = np.tan(np.deg2rad(np.arange(0.0, _STEEPEST_DEG + _STEP_DEG, _STEP_DEG)))
     turn = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS + 1)
@@ -112,7 +113,9 @@ def _furthest(lens: Lens) -> float:
     rings = pixels.reshape(*rays.shape[:2], 2)
     out, around = np.diff(rings, axis=0)[:, :-1], np.diff(rings[1:], axis=1)
     area = out[..., 0] * around[..., 1] - out[..., 1] * around[..., 0]
-    spread = np.append((area > 0.0).all(axis=1), False)  # the last ring ends it at the latest
+    q = slope[1:] ** 2
+    before_pole = 1.0 + q * (lens.k4 + q * (lens.k5 + q * lens.k6)) > 0.0
+    spread = np.append((area > 0.0).all(axis=1) & before_pole, False)  # the last ring ends it at the latest
     return float(slope[max(0, int(spread.argmin()) - 1)])
 
 

@@ -52,8 +52,9 @@ _NEAR_M = 2.2
 _CLEARLY = 0.93  # the other side's skin must also lie nearer to the clouds by this factor, likely proportions or not
 _BESIDE_NATS, _MOST_BESIDE_NATS = 3.0, 12.0  # a step crosses over in fewer than one pose of twenty; steps repeat
 
-TOLD = 15.0
-"""Support (nats) from which on a side is told: the thresholds' half of the situations in docs/field-trials.md."""
+TOLD = 20.0
+"""Support (nats) from which on a side is told. What an upper arm alone says of its side stays below; the limbs of the
+thresholds' half of the situations in docs/field-trials.md lie at 129 and more."""
 
 
 @dataclass(frozen=True)
