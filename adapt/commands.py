@@ -117,8 +117,13 @@ def _print_lengths(report: Mapping[str, Any]) -> None:
 
     from adapt.model.shape.population import Person
 
+    person = Person(**report["person"])
+    if not person.is_surveyed:
+        stdout.print(
+            "nobody of that height or mass was surveyed: a body of usual proportions is expected", highlight=False
+        )
     table = Table("bone", "expected (mm)", "fitted (mm)", "without that (mm)")
-    table.title = f"joint to joint, {Person(**report['person']).in_words()}"
+    table.title = f"joint to joint, {person.in_words()}"
     for told in report["lengths"]:
         table.add_row(
             told["bone"],

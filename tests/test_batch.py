@@ -177,6 +177,7 @@ def test_a_point_near_the_person_is_kept_with_the_item_and_names_his_region(tmp_
         ("recording,anatomy,height\nr,leg,178\n", "give metres"),
         ("recording,anatomy,mass\nr,leg,heavy\n", "no height and no mass; give m and kg"),
         ("recording,anatomy,sex\nr,leg,man\n", "give male or female"),
+        ("recording,anatomy,subject,height\nr,leg,s.npz,1.8\n", "both a subject and a person"),
         ("recording,anatomy,region,near\nr,leg,0 0 0 1 1 1,0 0 0\n", "both a region and a point"),
         ("recording,anatomy\n", "there are no recordings"),
     ],

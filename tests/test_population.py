@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from adapt.anatomy_file import load_anatomy
-from adapt.commands import adapt_command
+from adapt.commands import adapt_command, print_subject
 from adapt.fit.posterior import OF_PEOPLE
 from adapt.fit.stated_person import lengths_told
 from adapt.model.body import make_body
@@ -130,6 +131,17 @@ def test_the_command_refuses_a_height_in_centimetres_before_any_work(tmp_path):
     done = CliRunner().invoke(adapt_command, asked)
     assert isinstance(done.exception, BonetrackError)
     assert "metres" in str(done.exception)
+
+
+@pytest.mark.parametrize(("height", "told"), [(1.15, True), (1.76, False)])
+def test_a_height_beyond_the_survey_is_said_to_tell_the_size_alone(arm, tmp_path, capsys, height, told):
+    body, person = make_body(arm), Person(height)
+    lengths = [asdict(length) for length in lengths_told(body, OF_PEOPLE**2 * np.eye(len(body.shape)), person)]
+    report = dict.fromkeys(("poses", "left_out", "landmarks_never_shown"), ())
+    report |= {"scales": {}, "noise_mm": 1.0, "person": asdict(person), "lengths": lengths}
+    report["settings"] = {"frames_used": {}}
+    print_subject(Subject(body, np.zeros((1, 10)), np.zeros(1), np.eye(16), report), tmp_path / "s.npz")
+    assert ("nobody of that height" in capsys.readouterr().out) == told
 
 
 # ---- where the figures come from

@@ -120,6 +120,9 @@ def _item(line: dict[str, str | None], path: Path, number: int, anatomy: str | N
         raise BatchError(f"{name!r} cannot name a folder", where=where, remedy="use a name without slashes")
     if value["region"] and value["near"]:
         raise BatchError("states both a region and a point", where=where, remedy="leave one of them empty")
+    if value["subject"] and any(value[name] for name in _PERSON):
+        remedy = "leave the subject or the person empty: a subject that is there is not adapted again"
+        raise BatchError("states both a subject and a person", where=where, remedy=remedy)
     stated = _anatomy(value["anatomy"], path.parent, where) if value["anatomy"] else _anatomy(anatomy, Path(), where)
     return Item(
         name,
