@@ -17,6 +17,12 @@ from adapt.template_builder.sources_myosim import MODEL, PACKAGE
 from adapt.template_builder.superficial import Spot
 from capture.files import replaced_when_complete
 
+_COMPUTED = """\
+- Joint axes, landmarks and handles moved with the bones. Weights and tetrahedra were computed by this program. The
+  tetrahedra come out otherwise each time they are made (`findings/pytetwild_one_thread_not_repeatable.sh`), and
+  the weights with them: from one build to the next a weight differs by up to 0.12, and with it what the checks of
+  moving bones say."""
+
 
 def write_provenance(
     anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list[Check], folder: Path
@@ -52,16 +58,12 @@ September 2020. Shape targets and their weights: {targets}; the body scaled to a
 
 - Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; cut off by {_planes(plan)}, closed
   with flat caps; resampled to {len(anatomy.skin_vertices)} evenly spread vertices; then moved along its normals,
-  smoothly, by up to 14 mm (leg) and 7 mm (arm), until bones lie as deep beneath it as in the table
-  below and keep their clearance.
+  smoothly, by up to 14 mm (leg) and 7 mm (arm), until bones lie as deep as in the table below, and clear.
 - Bones: holes closed and facets rounded by a level set where the source is open or coarse; simplified; posed into the
   skin by the source's own hinges and one scale per group of bones (across and along the shaft); some parts joined
   to one rigid bone; bodies moved in their parents (m, at the source's size): {plan.shifts or "none"}; meshes left
   out: {", ".join(plan.without) or "none"}.
-- Joint axes, landmarks and handles moved with the bones. Weights and tetrahedra were computed by this program. The
-  tetrahedra come out otherwise each time they are made (`findings/pytetwild_one_thread_not_repeatable.sh`), and
-  the weights with them: from one build to the next a weight differs by up to 0.12, and with it what the checks of
-  moving bones say.
+{_COMPUTED}
 
 {plan.notes}
 Rest pose (degrees): {rest}.
