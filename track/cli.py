@@ -15,6 +15,8 @@ from capture.errors import BonetrackError
 from track.accuracy.commands import evaluate_command
 from track.batch.commands import batch_command
 from track.commands import demo_command, track_command
+from track.curves.commands import curves_command
+from track.curves.compare_command import compare_command
 from track.export.commands import export_command
 from track.simulation.commands import simulate_command
 from track.view.commands import report_command, view_command
@@ -39,6 +41,8 @@ for command in (
     batch_command,
     evaluate_command,
     export_command,
+    curves_command,
+    compare_command,
     view_command,
     report_command,
 ):
