@@ -55,13 +55,15 @@ def poses(anatomy: Anatomy, columns: dict[str, Floats], count: int) -> Floats:
     return thetas
 
 
-def motion_of(anatomy: Anatomy, times: Floats, thetas: Floats, *, deviation_deg: float = 1.0) -> Motion:
-    """A motion of the template body; frames with an unknown pose (NaN) are lost."""
+def motion_of(
+    anatomy: Anatomy, times: Floats, thetas: Floats, *, deviation_deg: float = 1.0, placed: bool = True
+) -> Motion:
+    """A motion of the template body; frames with an unknown pose (NaN) are lost, and bones unknown if not ``placed``."""
     body = make_body(anatomy)
     known = np.isfinite(thetas).all(axis=1)
     shown = np.tile(known[:, None], (1, len(anatomy.bones)))
     subject = Subject(body, thetas[:1], times[:1], 1e-6 * np.eye(len(body.shape)), {})
-    transforms, centres = bones_and_centres(subject, thetas, shown)
+    transforms, centres = bones_and_centres(subject, thetas if placed else np.full(thetas.shape, np.nan), shown)
     return Motion(
         anatomy=anatomy.name,
         coordinates=coordinate_names(anatomy),

@@ -39,10 +39,14 @@ class Labelled:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """N cycles of one angle in one group (N, 101), deg or m, and the lasting deviation (101,) they all share."""
+    """N cycles of one angle in one group (N, 101), deg or m, and the lasting deviation (101,) they all share.
+
+    ``extremes`` (N, 2) are the least and the largest value of each, over the whole movement.
+    """
 
     label: str
     values: Floats = field(repr=False)
+    extremes: Floats = field(repr=False)
     lasting: Floats = field(repr=False)
     subjects: frozenset[str | None]
     side: str
@@ -159,21 +163,23 @@ def _compared(name: str, groups: Mapping[str, Sequence[Labelled]], told: list[st
 
 def _sample(name: str, label: str, group: Sequence[Labelled]) -> Sample:
     """The cycles of a group's only motion, or the mean cycles of its motions."""
-    cycles, lasting = [], []
+    cycles, extremes, lasting = [], [], []
     for one in group:
         curve = _curves(one)[name]
         factor = as_shown(curve.coordinate, 1.0)
         found = one.curves.cycle_curves(curve.coordinate.name, "angle")
         if len(found.values):
-            cycles.append(factor * (found.values if len(group) == 1 else found.mean[None]))
+            alone = len(group) == 1
+            cycles.append(factor * (found.values if alone else found.mean[None]))
+            extremes.append(factor * (found.extremes if alone else found.extremes.mean(axis=0)[None]))
             lasting.append(factor * one.curves.lasting_cycle(curve.coordinate.name))
     values = np.concatenate(cycles) if cycles else np.zeros((0, len(PERCENT)))
-    alone = len(group) == 1 and lasting
     sides = {one.curves.anatomy.side for one in group}
     return Sample(
         label,
         values,
-        lasting[0] if alone else np.zeros(len(PERCENT)),
+        np.concatenate(extremes) if extremes else np.zeros((0, 2)),
+        lasting[0] if len(group) == 1 and lasting else np.zeros(len(PERCENT)),
         frozenset(one.subject for one in group),
         sides.pop() if len(sides) == 1 else "both",
     )
@@ -183,8 +189,9 @@ def difference(first: Sample, other: Sample) -> Difference:
     """The other group's mean cycle less the first's, with its interval.
 
     >>> level, sure = np.ones(101), np.zeros(101)
-    >>> a = Sample("before", np.stack([9 * level, 11 * level]), sure, frozenset({"s"}), "right")
-    >>> b = Sample("after", np.stack([14 * level, 16 * level]), sure, frozenset({"s"}), "right")
+    >>> rest = np.zeros((2, 2)), sure, frozenset({"s"}), "right"
+    >>> a = Sample("before", np.stack([9 * level, 11 * level]), *rest)
+    >>> b = Sample("after", np.stack([14 * level, 16 * level]), *rest)
     >>> found = difference(a, b)
     >>> [round(float(part[0]), 2) for part in (found.value, found.low, found.high)]
     [5.0, -1.08, 11.08]
@@ -214,9 +221,9 @@ def _welch(first: Floats, other: Floats, lasting: Floats) -> Difference:
 
 
 _NUMBERS: dict[str, Callable[[Floats], Floats]] = {
-    "least": lambda cycles: cycles.min(axis=1),
-    "largest": lambda cycles: cycles.max(axis=1),
-    "range": lambda cycles: np.ptp(cycles, axis=1),
+    "least": lambda extremes: extremes[:, 0],
+    "largest": lambda extremes: extremes[:, 1],
+    "range": lambda extremes: np.ptp(extremes, axis=1),
 }
 
 
@@ -225,7 +232,7 @@ def _numbers(first: Sample, other: Sample, unit: str) -> tuple[Number, ...]:
     found = []
     for name, of in _NUMBERS.items():
         lasting = np.zeros(()) if name == "range" else _not_shared(first, other, *_largest(first, other))
-        a, b = of(first.values), of(other.values)
+        a, b = of(first.extremes), of(other.extremes)
         told = _welch(a, b, lasting)
         mean_a, mean_b = float(a.mean()), float(b.mean())
         sides = {first.side, other.side} == {"right", "left"}

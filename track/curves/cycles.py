@@ -16,18 +16,27 @@ PERCENT = np.linspace(0.0, 100.0, 101)
 
 @dataclass(frozen=True)
 class Cycle:
-    """From ``start`` to ``end`` (s); ``marks`` are events inside by name, each with the share of the cycle it is at."""
+    """From ``start`` to ``end`` (s); ``marks`` are events inside by name, each with the share of the cycle it is at.
+
+    ``whole`` is from when to when its least and largest value are looked for, where that is longer: a repetition's
+    ends leave a little of its way out.
+    """
 
     start: float
     end: float
     marks: tuple[tuple[str, float], ...] = ()
+    whole: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class CycleCurves:
-    """One quantity in C whole cycles: (C, 101). ``left_out`` are the numbers of those with unknown frames in them."""
+    """One quantity in C whole cycles: (C, 101), and its least and largest value in each (C, 2).
+
+    ``left_out`` are the numbers of cycles with unknown frames in them.
+    """
 
     values: Floats = field(repr=False)
+    extremes: Floats = field(repr=False)
     kept: tuple[int, ...]
     left_out: tuple[int, ...]
 
@@ -50,15 +59,19 @@ def cycle_curves(times: Floats, values: Floats, cycles: Sequence[Cycle], spans: 
     >>> found.kept, found.left_out, [round(float(v), 3) for v in found.mean[[0, 25, 75]]]
     ((0,), (1,), [0.0, 1.0, -1.0])
     """
-    kept, left, rows = [], [], []
-    for number, cycle in enumerate(cycles):
-        row = _row(times, values, cycle, spans)
-        if row is None:
-            left.append(number)
-        else:
-            kept.append(number)
-            rows.append(row)
-    return CycleCurves(np.array(rows).reshape(-1, len(PERCENT)), tuple(kept), tuple(left))
+    rows = [_row(times, values, cycle, spans) for cycle in cycles]
+    kept = [number for number, row in enumerate(rows) if row is not None]
+    left_out = tuple(number for number, row in enumerate(rows) if row is None)
+    found = np.array([rows[number] for number in kept], dtype=float).reshape(-1, len(PERCENT))
+    extremes = [_extremes(times, values, cycles[number], row) for number, row in zip(kept, found, strict=True)]
+    return CycleCurves(found, np.array(extremes, dtype=float).reshape(-1, 2), tuple(kept), left_out)
+
+
+def _extremes(times: Floats, values: Floats, cycle: Cycle, row: Floats) -> tuple[float, float]:
+    start, end = cycle.whole or (cycle.start, cycle.end)
+    inside = values[(times >= start) & (times <= end)]
+    told = np.concatenate([row, inside[np.isfinite(inside)]])
+    return float(told.min()), float(told.max())
 
 
 def _row(times: Floats, values: Floats, cycle: Cycle, spans: Sequence[slice]) -> Floats | None:

@@ -87,7 +87,7 @@ def _coordinate(found: MotionCurves, curve: Curve) -> dict[str, Any]:
     coordinate, words, norm = curve.coordinate, curve.words, norm_of(curve.coordinate.name)
     factor = as_shown(coordinate, 1.0)
     span = range_of(curve, found.times)
-    spans = np.ptp(found.cycle_curves(coordinate.name, "angle").values, axis=1)
+    spans = np.ptp(found.cycle_curves(coordinate.name, "angle").extremes, axis=1)
     told: dict[str, Any] = {
         "name": words.name,
         "positive": words.positive,

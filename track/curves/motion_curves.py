@@ -13,10 +13,10 @@ from adapt.model.joints import JOINT_TYPES
 from adapt.model.pose_space import joint_coordinates, joint_index
 from adapt.plain_words import plain_words, without_side
 from capture.errors import BonetrackError
-from track.curves.curve import Curve, least_span, smoothed_curve
+from track.curves.curve import Curve, least_span, smoothed_curve, unbroken_spans
 from track.curves.cycles import Cycle, CycleCurves, cycle_curves
 from track.curves.gait import foot_of, gait_events, strides
-from track.curves.repetitions import repetitions
+from track.curves.repetitions import Repetition, repetitions
 from track.motion import Motion
 from track.observed_bones import known_thetas
 
@@ -79,7 +79,7 @@ def motion_curves(motion: Motion, anatomy: Anatomy, options: CurvesOptions | Non
     curves = _curves(motion, anatomy, asked, told)
     known = {name: curve for name, curve in curves.items() if curve.spans}
     if not known:
-        raise CurvesError(*_too_short(motion, asked.cutoff_hz))
+        raise _too_short(motion, asked.cutoff_hz)
     told += [f"{plain_words(n).name} is known in no span long enough to smooth" for n in curves if n not in known]
     by = _repeating(known, asked.by)
     events, cycles, kind = _events(motion, anatomy, known[by], asked.events, told)
@@ -119,12 +119,12 @@ def _curves(motion: Motion, anatomy: Anatomy, asked: CurvesOptions, told: list[s
     return curves
 
 
-def _too_short(motion: Motion, cutoff: float | None) -> tuple[str, None, str]:
-    """What to say where nothing can be smoothed: the problem, no place, and what to do."""
-    longest = max((len(run) for run in "".join(".x"[k] for k in motion.tracked.astype(int)).split(".")), default=0)
+def _too_short(motion: Motion, cutoff: float | None) -> CurvesError:
+    """What to say where nothing can be smoothed."""
+    longest = max(span.stop - span.start for span in unbroken_spans(motion.times, motion.tracked))
     need = least_span(motion.times, cutoff)
     problem = f"too short to smooth: the longest span without a lost frame is {longest} frames, {need} are needed"
-    return problem, None, "track a longer recording, or give a higher --cutoff"
+    return CurvesError(problem, remedy="track a longer recording, or give a higher --cutoff")
 
 
 def _repeating(known: Mapping[str, Curve], asked: str | None) -> str:
@@ -161,5 +161,9 @@ def _events(
         told.append(f"{curve.words.name} does not go there and back, so there are no repetitions")
     moments = [((one.start, "start"), (one.turn, "turn"), (one.end, "end")) for one in found]
     events = [Event(time, name) for three in moments for time, name in three]
-    cycles = [Cycle(one.start, one.end, (("turn", (one.turn - one.start) / (one.end - one.start)),)) for one in found]
+    cycles = [_there_and_back(one) for one in found]
     return tuple(events), tuple(cycles), "repetition"
+
+
+def _there_and_back(one: Repetition) -> Cycle:
+    return Cycle(one.start, one.end, (("turn", (one.turn - one.start) / (one.end - one.start)),), one.whole)

@@ -22,11 +22,12 @@ _BEGINNING = 0.05  # of the frames
 
 @dataclass(frozen=True)
 class Repetition:
-    """When it starts, is at its far end, and is back (s)."""
+    """When it starts, is at its far end, and is back (s); ``whole`` is from the rest before it to the rest after it."""
 
     start: float
     turn: float
     end: float
+    whole: tuple[float, float]
 
 
 def repetitions(times: Floats, values: Floats, spans: tuple[slice, ...]) -> tuple[Repetition, ...]:
@@ -60,7 +61,7 @@ def _in_span(times: Floats, out: Floats, least: float) -> list[Repetition]:
         rise, fall = out[before : peak + 1], out[peak : after + 1]
         start = _crossing(times[before : peak + 1][::-1], rise[::-1], rise.min() + _STARTED * np.ptp(rise))
         end = _crossing(times[peak : after + 1], fall, fall.min() + _STARTED * np.ptp(fall))
-        found.append(Repetition(start, float(times[peak]), end))
+        found.append(Repetition(start, float(times[peak]), end, (float(times[before]), float(times[after]))))
     return found
 
 
