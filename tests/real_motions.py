@@ -58,7 +58,7 @@ def poses(anatomy: Anatomy, columns: dict[str, Floats], count: int) -> Floats:
 def motion_of(
     anatomy: Anatomy, times: Floats, thetas: Floats, *, deviation_deg: float = 1.0, placed: bool = True
 ) -> Motion:
-    """A motion of the template body; frames with an unknown pose (NaN) are lost, and bones unknown if not ``placed``."""
+    """A motion of the template body; frames of unknown pose (NaN) are lost, bones unknown if not ``placed``."""
     body = make_body(anatomy)
     known = np.isfinite(thetas).all(axis=1)
     shown = np.tile(known[:, None], (1, len(anatomy.bones)))

@@ -61,7 +61,7 @@ def least_frames(rate: float, cutoff: float) -> int:
     >>> least_frames(30.0, 6.0), least_frames(50.0, 2.0)
     (10, 50)
     """
-    return max(8, int(np.ceil(2.0 * rate / cutoff)))
+    return max(8, int(np.ceil(2.0 * rate / cutoff - 1e-6)))
 
 
 @lru_cache(maxsize=256)
