@@ -112,9 +112,10 @@ def smoothed_curve(
         told = _smoothed_span(even[k], body, rate, cutoff, noise)
         for whole, part in zip((values, deviations, lasting), told, strict=True):
             whole[:, span] = _back(at, part)
-    quantities = [Quantity(values[k], deviations[k], lasting[k]) for k in range(3)]
+    angle, velocity, acceleration = (Quantity(values[k], deviations[k], lasting[k]) for k in range(3))
     floor = found is not None and found.has_floor
-    return Curve(coordinate, raw, *quantities, tuple(spans[k] for k in long), cutoff, noise, chosen, floor)
+    kept = tuple(spans[k] for k in long)
+    return Curve(coordinate, raw, angle, velocity, acceleration, kept, cutoff, noise, chosen, floor)
 
 
 def least_span(times: Floats, cutoff_hz: float | None) -> int:
