@@ -215,6 +215,23 @@ def test_a_repetition_with_lost_frames_in_it_is_none(arm: Anatomy) -> None:
     assert [round(cycle.start) for cycle in found.cycles] == [0, 6, 9]
 
 
+def test_cycles_with_a_hidden_bone_are_left_out_of_its_angles_and_it_is_said(arm: Anatomy) -> None:
+    motion = bends(arm, 1.0 - np.cos(2.0 * np.pi * np.arange(600) / RATE / 3.0))
+    shown = motion.shown.copy()
+    shown[200:220, list(motion.transforms).index("hand")] = False
+    found = motion_curves(replace(motion, shown=shown), arm, CurvesOptions(cutoff_hz=6.0))
+    assert found.cycle_curves("elbow_flexion", "angle").kept == (0, 1, 2, 3)
+    assert found.cycle_curves("flexion", "angle").kept == (0, 2, 3)
+    assert "wrist flexion: 1 of 4 cycles are left out, not all of them is known" in found.told
+
+
+def test_a_cut_off_that_the_frame_rate_does_not_allow_is_told(arm: Anatomy) -> None:
+    motion = bends(arm, np.sin(np.arange(200) / 10.0), rate=10.0)
+    found = motion_curves(motion, arm, CurvesOptions(cutoff_hz=6.0, events="none"))
+    assert found.curves["elbow_flexion"].cutoff_hz == pytest.approx(4.5)
+    assert "elbow flexion is cut off at 4.5 Hz, the most at this frame rate" in found.told
+
+
 def test_the_mean_cycle_and_its_deviation_are_those_of_the_cycles(arm: Anatomy) -> None:
     t = np.arange(600) / RATE
     sizes = np.repeat([0.8, 1.0, 1.2, 1.0], 150)

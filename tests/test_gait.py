@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
 from tests.real_motions import leg_motion, motion_of, poses
-from track.curves.gait import gait_events, strides
+from track.curves.gait import gait_events
 from track.curves.motion_curves import CurvesOptions, motion_curves
 from track.motion import Motion
 
@@ -74,6 +74,16 @@ def test_strides_are_cut_from_strike_to_strike_and_marked_with_their_toe_off(leg
     assert [dict(cycle.marks)["toe-off"] for cycle in found.cycles] == pytest.approx([STANCE] * 4, abs=0.03)
 
 
+def test_no_stride_leads_across_lost_frames(leg) -> None:
+    motion = walk(leg)
+    lost = (motion.times > 1.3) & (motion.times < 2.9)  # a strike, a toe-off, a strike and a toe-off
+    centres = {name: np.where(lost[:, None], np.nan, at) for name, at in motion.centres.items()}
+    found = gait_events(replace(motion, centres=centres), leg)
+    assert found.doubt == ""
+    assert all(1.0 < end - start < 1.2 for start, _, end in found.strides)
+    assert len(found.strides) == 1
+
+
 def test_a_leg_that_swings_in_the_air_does_not_walk(leg) -> None:
     motion = walk(leg)
     way = 0.35 * np.sin(2.0 * np.pi * motion.times / STRIDE_S)
@@ -99,7 +109,7 @@ def test_real_steps_are_found_when_force_plates_felt_them() -> None:
 @pytest.mark.parametrize(("name", "side"), [("gait_walk_gait2392", "right"), ("gait_walk_rajagopal", "left")])
 def test_real_strides_have_a_real_stance(name: str, side: str) -> None:
     found = gait_events(leg_motion(name, side), load_anatomy(f"lower-limb-{side}"))
-    ((start, off, end),) = strides(found.strikes, found.toe_offs)
+    ((start, off, end),) = found.strides
     assert 1.0 < end - start < 1.3
     assert 0.58 < (off - start) / (end - start) < 0.68
     assert found.doubt == ""

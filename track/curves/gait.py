@@ -11,7 +11,7 @@ It does **not** hold for running, nor where nobody walks: what does not look lik
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,10 +45,14 @@ class Foot:
 
 @dataclass(frozen=True)
 class GaitEvents:
-    """Heel strikes and toe-offs (s), and why they are not believed to be of walking, or empty."""
+    """Heel strikes and toe-offs (s), the whole strides between them, and why they are no walking's, or empty.
+
+    A stride is a heel strike, the toe-off after it and the next heel strike (s), all in one unbroken span.
+    """
 
     strikes: tuple[float, ...]
     toe_offs: tuple[float, ...]
+    strides: tuple[tuple[float, float, float], ...] = ()
     doubt: str = ""
 
 
@@ -73,7 +77,7 @@ def gait_events(motion: Motion, anatomy: Anatomy) -> GaitEvents:
     """
     foot = foot_of(anatomy)
     if foot is None:
-        return GaitEvents((), (), f"{anatomy.name} has no foot")
+        return GaitEvents((), (), doubt=f"{anatomy.name} has no foot")
     ankle, hip = motion.centres[foot.ankle], motion.centres[foot.hip]
     heel, toe = (_point_of_foot(motion, anatomy, foot, name) for name in (foot.heel, foot.toe))
     forward_axis = motion.transforms[foot.pelvis][:, :3, 0]
@@ -81,6 +85,7 @@ def gait_events(motion: Motion, anatomy: Anatomy) -> GaitEvents:
     rate = 1.0 / float(np.median(np.diff(motion.times)))
     strikes: list[float] = []
     offs: list[float] = []
+    whole: list[tuple[float, float, float]] = []
     excursion = 0.0
     for span in unbroken_spans(motion.times, known):
         if span.stop - span.start < least_frames(rate, _CUTOFF_HZ):
@@ -93,10 +98,11 @@ def gait_events(motion: Motion, anatomy: Anatomy) -> GaitEvents:
         way = float(np.ptp(ahead[0]))
         excursion = max(excursion, way)
         least = max(_PROMINENT * way, _PROMINENT * _LEAST_STEP_M)
-        strikes += _turning_points(motion.times[span], ahead[0], least)
-        offs += _turning_points(motion.times[span], -ahead[1], least)
-    doubt = _doubt(strikes, offs, excursion, motion.times, ankle)
-    return GaitEvents(tuple(strikes), tuple(offs), doubt)
+        struck = _turning_points(motion.times[span], ahead[0], least)
+        left = _turning_points(motion.times[span], -ahead[1], least)
+        strikes, offs, whole = strikes + struck, offs + left, whole + strides(struck, left)
+    events = GaitEvents(tuple(strikes), tuple(offs), tuple(whole))
+    return replace(events, doubt=_doubt(events, excursion, motion.times, ankle))
 
 
 def _point_of_foot(motion: Motion, anatomy: Anatomy, foot: Foot, landmark: str) -> Floats:
@@ -124,15 +130,15 @@ def _turning_points(times: Floats, values: Floats, prominence: float) -> list[fl
     return [float(t) for t in np.interp(peaks + shift, np.arange(len(times)), times)]
 
 
-def _doubt(strikes: list[float], offs: list[float], excursion: float, times: Floats, ankle: Floats) -> str:
+def _doubt(events: GaitEvents, excursion: float, times: Floats, ankle: Floats) -> str:
     """Why this is no walking, or nothing."""
     if excursion < _LEAST_STEP_M:
         return f"the foot goes {excursion:.2f} m to and fro against the pelvis, less than a step"
-    shares = [(off - strike) / (end - strike) for strike, off, end in strides(strikes, offs)]
+    shares = [(off - strike) / (end - strike) for strike, off, end in events.strides]
     if shares and not _STANCE[0] <= (stance := float(np.median(shares))) <= _STANCE[1]:
         return f"the foot goes backward for {100.0 * stance:.0f} % of a stride, which is no walking"
     speed = np.linalg.norm(np.gradient(ankle, times, axis=0), axis=1)
-    stands = _standing(times, strikes, offs)
+    stands = _standing(times, events.strikes, events.toe_offs)
     slow, fast = (float(np.nanmedian(speed[part])) if part.any() else np.nan for part in (stands, ~stands))
     if slow > _SLOWER * fast:
         return f"the foot is as fast backward as forward ({slow:.1f} and {fast:.1f} m/s), so it does not stand"
@@ -153,7 +159,7 @@ def strides(strikes: Sequence[float], offs: Sequence[float]) -> list[tuple[float
     return found
 
 
-def _standing(times: Floats, strikes: list[float], offs: list[float]) -> np.ndarray:
+def _standing(times: Floats, strikes: Sequence[float], offs: Sequence[float]) -> np.ndarray:
     """In which frames (T,) the foot stands: the last event was a strike, or, before all, the next is a toe-off."""
     last = [np.array([-np.inf, *events])[np.searchsorted(events, times, "right")] for events in (strikes, offs)]
     following = [np.array([*events, np.inf])[np.searchsorted(events, times, "right")] for events in (strikes, offs)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from adapt.plain_words import plain_words, without_side
 from capture.errors import BonetrackError
 from track.curves.curve import Curve, least_span, smoothed_curve, unbroken_spans
 from track.curves.cycles import Cycle, CycleCurves, cycle_curves
-from track.curves.gait import foot_of, gait_events, strides
+from track.curves.gait import foot_of, gait_events
 from track.curves.repetitions import Repetition, repetitions
 from track.motion import Motion
 from track.observed_bones import known_thetas
@@ -83,7 +83,13 @@ def motion_curves(motion: Motion, anatomy: Anatomy, options: CurvesOptions | Non
     told += [f"{plain_words(n).name} is known in no span long enough to smooth" for n in curves if n not in known]
     by = _repeating(known, asked.by)
     events, cycles, kind = _events(motion, anatomy, known[by], asked.events, told)
-    return MotionCurves(anatomy, motion.times, curves, events, cycles, kind, by, tuple(told))
+    found = MotionCurves(anatomy, motion.times, curves, events, cycles, kind, by, ())
+    for name, curve in known.items():
+        if left_out := len(found.cycle_curves(name, "angle").left_out):
+            told.append(
+                f"{curve.words.name}: {left_out} of {len(cycles)} cycles are left out, not all of them is known"
+            )
+    return replace(found, told=tuple(told))
 
 
 def angles_of(anatomy: Anatomy) -> list[tuple[int, Coordinate]]:
@@ -114,6 +120,8 @@ def _curves(motion: Motion, anatomy: Anatomy, asked: CurvesOptions, told: list[s
         for i, one in angles
     }
     for name, curve in curves.items():
+        if asked.cutoff_hz is not None and curve.cutoff_hz < asked.cutoff_hz:
+            told.append(f"{plain_words(name).name} is cut off at {curve.cutoff_hz:.1f} Hz, the most at this frame rate")
         if not curve.has_floor and curve.spans and asked.cutoff_hz is None:
             told.append(f"{plain_words(name).name} moves as fast as it is measured: its noise may be overstated")
     return curves
@@ -149,8 +157,7 @@ def _events(
             told.append(f"this does not look like walking: {gait.doubt}")
         if asked == "gait" or not gait.doubt:
             marks = [Event(t, "heel strike") for t in gait.strikes] + [Event(t, "toe-off") for t in gait.toe_offs]
-            whole = strides(gait.strikes, gait.toe_offs)
-            cycles = [Cycle(a, c, (("toe-off", (b - a) / (c - a)),)) for a, b, c in whole]
+            cycles = [Cycle(a, c, (("toe-off", (b - a) / (c - a)),)) for a, b, c in gait.strides]
             if not cycles:
                 told.append(f"{len(gait.strikes)} heel strikes and {len(gait.toe_offs)} toe-offs: no whole stride")
             return tuple(sorted(marks, key=lambda event: event.time)), tuple(cycles), "stride"
