@@ -218,7 +218,7 @@ UPPER_LIMB_RIGHT = LimbPlan(
 - At the wrist skin is blended between forearm and hand, and sinks onto the carpus where the wrist bends far. So the hand
   holds the skin from 13 mm behind the capitate on, and whatever lies within 3 mm of its bones, and the skin keeps off
   the carpus. Five draws of tetrahedra then left the hand 0.5 to 2.1 mm beneath the outer skin in the worst of 25 poses
-  of the wrist (the former arm: -0.3 to 0.3 in three draws, and -1.1 in a build that was refused); this one 2.1.
+  of the wrist (held as before, -0.3 to 0.3 in three; the former arm -1.1 in a build that was refused); this one 2.1.
 """,
     skin=SKIN,
     bodies=BODIES,
