@@ -16,6 +16,7 @@ from track.accuracy.commands import evaluate_command
 from track.batch.commands import batch_command
 from track.commands import demo_command, track_command
 from track.export.commands import export_command
+from track.markers.commands import import_markers_command
 from track.simulation.commands import simulate_command
 from track.view.commands import report_command, view_command
 
@@ -39,6 +40,7 @@ for command in (
     batch_command,
     evaluate_command,
     export_command,
+    import_markers_command,
     view_command,
     report_command,
 ):
