@@ -20,6 +20,10 @@ from track.markers.align import align, at_times, pairs_of
 from track.markers.commands import import_markers_command
 from track.markers.read import MarkerError, MarkerTrial, read_markers, read_point_pairs
 from track.motion import save_motion
+from track.view.frames import FrameContent
+from track.view.layers import Layers
+from track.view.scene import motion_scene, with_markers
+from track.view.viewer import start_server, stop_server
 
 LATE_S = 2.34  # the laboratory's zero in the recording
 TURN = Rotation.from_euler("XYZ", [80.0, -30.0, 140.0], degrees=True).as_matrix()
@@ -194,3 +198,32 @@ def test_the_command_writes_markers_in_the_motions_frame_and_clock_a_table_and_a
     rows = np.genfromtxt(tmp_path / "out" / "differences.csv", delimiter=",", names=True)
     assert np.nanmax(rows["REL_to_EL_mm"]) < 5.0
     assert cv2.imread(str(tmp_path / "out" / "markers.png")).shape[1] == 720
+
+
+def test_markers_are_a_layer_of_the_viewer_and_vanish_where_none_is_known(seen, tmp_path):
+    pytest.importorskip("viser", reason="the viewer needs viser: pip install bonetrack[view]")
+    subject, motion, trial = seen
+    carried = found(seen).carried(trial)
+    write_trc(tmp_path / "markers.trc", carried.times, carried.points)
+    scene = with_markers(motion_scene(motion, subject, None, title="motion"), tmp_path / "markers.trc")
+    server = start_server(port=18790)
+    try:
+        layers = Layers(server, scene)
+        assert "markers" in layers.names()
+        for k in (0, 120, 170):  # before the trial, in it, while markers are hidden
+            layers.show(k, FrameContent(None, None, None))
+            cloud = server.scene.get_handle_by_name("/markers/cloud")
+            at = np.array([points[k] for points in scene.markers.values()])
+            assert cloud.visible == bool(np.isfinite(at).all(axis=1).any())
+            if k == 120:
+                np.testing.assert_allclose(cloud.points, at, atol=1e-6)
+    finally:
+        stop_server(server)
+
+
+def test_markers_of_another_time_are_not_shown(seen, tmp_path):
+    subject, motion, trial = seen
+    write_trc(tmp_path / "markers.trc", trial.times + 100.0, trial.points)
+    scene = motion_scene(motion, subject, None, title="motion")
+    with pytest.raises(MarkerError, match=r"knows no marker at any time of what is shown; give the markers\.trc"):
+        with_markers(scene, tmp_path / "markers.trc")
