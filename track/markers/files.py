@@ -19,7 +19,7 @@ from track.markers.read import MarkerTrial
 from track.motion import Motion
 from track.view.pictures import body_layers
 from track.view.render import BONE, SKIN, Layer, framing_camera, look_at, render, save_png
-from track.view.stills import Key, captioned
+from track.view.stills import captioned, key_of
 
 LAB, OURS = (0.80, 0.10, 0.45), (0.10, 0.35, 0.75)
 _RADIUS_M = 0.006
@@ -73,7 +73,7 @@ def _picture(
         eye = look_at(points, direction + 0.2 * up, up)
         panels.append(render([*skin, *marks], eye, framing_camera(eye, points, width=_WIDTH // 2, height=_HEIGHT)))
     words = {SKIN: "skin", BONE: "bones", LAB: "laboratory's markers", OURS: "points they go with"}
-    keys = [Key(_bytes(colour), text) for colour, text in words.items()]
+    keys = [key_of(colour, text) for colour, text in words.items()]
     title = f"markers beside {body.anatomy.name}"
     save_png(captioned(np.concatenate(panels, axis=1), title, f"{motion.times[t]:.2f} s", keys), path)
 
@@ -91,8 +91,3 @@ def _across(up: Floats) -> Floats:
     least = np.eye(3)[int(np.argmin(np.abs(up)))]
     level = np.cross(up, least)
     return np.asarray(level / np.linalg.norm(level))
-
-
-def _bytes(colour: tuple[float, float, float]) -> tuple[int, int, int]:
-    red, green, blue = (round(255.0 * part) for part in colour)
-    return red, green, blue

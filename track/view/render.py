@@ -66,15 +66,17 @@ def render(
     camera: Camera,
     *,
     points: Floats | None = None,
-    point_colour: tuple[float, float, float] = CLOUD,
+    point_colour: tuple[float, float, float] | Floats | None = None,
+    background: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:
     """An image (H, W, 3) of translucent layers, nearest last, with points (N, 3) drawn where nothing hides them.
 
-    A translucent layer does not hide the points behind it; an opaque one does.
+    A translucent layer does not hide the points behind it; an opaque one does. Points have one colour (RGB in [0, 1])
+    or each its own (N, 3). Behind all is white, or an image (H, W, 3).
     """
-    image = np.ones((camera.height, camera.width, 3))
+    image = np.ones((camera.height, camera.width, 3)) if background is None else background / 255.0
     casts = [_cast(layer, world_from_eye, camera) for layer in layers]
-    depth = np.array([cast[0] for cast in casts])
+    depth = np.array([cast[0] for cast in casts]).reshape(len(casts), camera.height, camera.width)
     for order in np.argsort(-depth, axis=0):
         for k, (_, shade) in enumerate(casts):
             here = (order == k) & np.isfinite(depth[k])
@@ -83,7 +85,8 @@ def render(
     if points is not None:
         opaque = [depth[k] for k, layer in enumerate(layers) if layer.opacity >= 1.0]
         front = np.min(opaque, axis=0) if opaque else np.full(image.shape[:2], np.inf)
-        _splat(image, points, point_colour, world_from_eye, camera, front)
+        colours = np.broadcast_to(np.array(CLOUD if point_colour is None else point_colour), points.shape)
+        _splat(image, points, colours, world_from_eye, camera, front)
     return np.asarray(np.clip(255.0 * image, 0.0, 255.0), dtype=np.uint8)
 
 
@@ -116,7 +119,7 @@ def _cast(layer: Layer, world_from_eye: Floats, camera: Camera) -> tuple[Floats,
 def _splat(
     image: Floats,
     points: Floats,
-    colour: tuple[float, float, float],
+    colours: Floats,
     world_from_eye: Floats,
     camera: Camera,
     front: Floats,
@@ -124,11 +127,11 @@ def _splat(
     """Draw points as small squares, where no opaque surface is nearer."""
     uv, z = project(camera, apply(inverse(world_from_eye), points))
     has_pixel = np.isfinite(uv).all(axis=1)
-    uv, z = uv[has_pixel], z[has_pixel]
+    uv, z, colours = uv[has_pixel], z[has_pixel], colours[has_pixel]
     for du in (0, 1):
         for dv in (0, 1):
             u, v = np.rint(uv[:, 0]).astype(int) + du, np.rint(uv[:, 1]).astype(int) + dv
             inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
             u, v, near = u[inside], v[inside], z[inside]
             shown = near < front[v, u] + 0.003
-            image[v[shown], u[shown]] = colour
+            image[v[shown], u[shown]] = colours[inside][shown]

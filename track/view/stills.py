@@ -26,6 +26,16 @@ class Key:
     words: str
 
 
+def key_of(colour: tuple[float, float, float], words: str) -> Key:
+    """The key of a colour as layers have it, in [0, 1].
+
+    >>> key_of((0.2, 0.4, 1.0), "bones").colour
+    (51, 102, 255)
+    """
+    red, green, blue = (round(255.0 * part) for part in colour)
+    return Key((red, green, blue), words)
+
+
 def captioned(image: Image, title: str, said: str, keys: Sequence[Key]) -> Image:
     """The image (H, W, 3) with a line above, the title left and what is said right, and the colours' meanings below.
 
