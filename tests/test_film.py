@@ -118,6 +118,22 @@ def test_points_have_colours_of_their_own_and_something_may_lie_behind() -> None
     assert (render([wall], eye, camera, background=behind)[4, 4] > 10).all()
 
 
+def test_a_mesh_is_drawn_alike_in_the_middle_at_the_edge_and_around_the_eye_and_not_at_all_outside() -> None:
+    camera, eye = Camera(40, 30, 40.0, 40.0, 19.5, 14.5), np.eye(4)
+    corners = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]])
+    faces = np.array([[0, 1, 2]])
+
+    def pixels(at: tuple[float, float, float], size: float = 1.0) -> int:
+        image = render([Layer(size * corners + at, faces, BONE)], eye, camera)
+        return int((image < 255).any(axis=2).sum())
+
+    whole = pixels((0.0, 0.0, 1.0))
+    assert whole == pytest.approx(0.5 * 8.0 * 8.0, abs=8)
+    assert 0 < pixels((0.5, 0.0, 1.0)) < whole
+    assert pixels((3.0, 0.0, 1.0)) == pixels((0.0, 0.0, -1.0)) == 0
+    assert pixels((0.0, 0.0, 0.5), size=100.0) == 40 * 30
+
+
 def test_a_caption_never_runs_into_the_time_and_keys_go_on_in_another_line() -> None:
     plain = np.full((50, 240, 3), 255, dtype=np.uint8)
     keys = [key_of(BONE, "bones"), Key((1, 2, 3), "points on the skin"), Key((4, 5, 6), "something else")]
