@@ -17,7 +17,7 @@ from track.view.notebook import show
 def test_a_tidy_table_has_a_row_for_every_frame_and_coordinate_in_units_that_people_read(limb):
     pytest.importorskip("pandas", reason="tidy tables need pandas: pip install bonetrack[pandas]")
     motion = known_motion(limb)
-    table = motion.to_frame(limb.subject)
+    table = tidy_angles(motion, limb.subject)
     assert len(table) == len(motion.times) * len(motion.coordinates)
     wide = table.pivot(index="frame", columns="coordinate", values="value")
     elbow = motion.coordinates.index("elbow_flexion")

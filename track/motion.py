@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,7 @@ from capture.own import arrays_of, replaced_if_own
 from capture.recording.types import HEADER_FILE
 from track.observed_bones import Bools, centres_known
 from track.settings import Settings
-
-if TYPE_CHECKING:
-    import pandas
+from track.strip import strip
 
 FORMAT = "bonetrack-motion"
 MARK = arrays_of(FORMAT)
@@ -70,17 +68,9 @@ class Motion:
         """Which frames (T,) were tracked."""
         return np.array([reason == TRACKED for reason in self.lost])
 
-    def to_frame(self, subject: Subject) -> pandas.DataFrame:
-        """A tidy table for pandas, a row for every frame and coordinate: ``track.export.tidy.tidy_angles``."""
-        from track.export.tidy import tidy_angles
-
-        return tidy_angles(self, subject)
-
     def _repr_html_(self) -> str:
-        """What a notebook shows of a motion: a strip of what was tracked."""
-        from track.view.notebook import summary
-
-        return summary(self)
+        """What a notebook shows of a motion: which frames were tracked."""
+        return strip(self.anatomy, self.times, self.tracked, self.shown)
 
     def hidden(self, frame: int) -> list[str]:
         """Names of the bones that do not show in a frame."""

@@ -124,8 +124,8 @@ def _without_distortion(camera: Camera, width: int) -> Camera:
 def _pixels_of(camera: Camera, lens: Camera) -> tuple[Singles, Singles]:
     """For each pixel (H, W) of a camera where a lens at its place sees the same: columns and rows."""
     uv, _ = project(lens, np.concatenate([ray_slopes(camera), np.ones((camera.height, camera.width, 1))], axis=2))
-    uv = np.nan_to_num(uv, nan=-1e6).astype(np.float32).reshape(camera.height, camera.width, 2)
-    return uv[:, :, 0], uv[:, :, 1]
+    at = np.nan_to_num(uv, nan=-1e6).astype(np.float32).reshape(camera.height, camera.width, 2)
+    return at[:, :, 0], at[:, :, 1]
 
 
 def _layers(scene: Scene, k: int) -> list[Layer]:

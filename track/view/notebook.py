@@ -1,4 +1,4 @@
-"""A motion in a notebook: what was tracked as a strip, and the scene in space to turn and play."""
+"""A motion in a notebook: the scene in space to turn and play, and a strip of what was tracked."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from adapt.subject import Subject
 from capture.recording import Recording
 from track.motion import Motion
-from track.view.scene import motion_scene, runs
-
-_TRACKED, _HIDDEN, _LOST = "#4d8f5b", "#e0a030", "#c0392b"
-_WIDTH = 640  # px
+from track.view.scene import motion_scene
 
 
 @dataclass(frozen=True)
@@ -46,30 +41,4 @@ def show(
         write_embedded(motion_scene(motion, subject, recording, title=title), page)
         inside = escape(page.read_text(encoding="utf-8"))
     frame = f'<iframe style="width:100%;height:{height}px;border:0" sandbox="allow-scripts" srcdoc="{inside}"></iframe>'
-    return Shown(frame + summary(motion))
-
-
-def summary(motion: Motion) -> str:
-    """A strip over time as HTML: green where all bones show, orange where some do not, red where a frame was lost."""
-    tracked, whole = motion.tracked, motion.tracked & motion.shown.all(axis=1)
-    counts = f"{int(tracked.sum())} of {len(tracked)} frames tracked"
-    kinds = (
-        ("all bones show", whole, _TRACKED),
-        ("some do not show", tracked & ~whole, _HIDDEN),
-        ("lost", ~tracked, _LOST),
-    )
-    strip, words = [], []
-    for name, flags, colour in kinds:
-        if flags.any():
-            words.append(f'<span style="color:{colour}">■</span> {name}: {int(flags.sum())}')
-        strip += [_bar(part, len(tracked), colour) for part in runs(np.asarray(flags))]
-    span = f"{motion.times[0]:.2f} to {motion.times[-1]:.2f} s" if len(motion.times) else ""
-    picture = (
-        f'<svg width="100%" height="14" viewBox="0 0 {_WIDTH} 14" preserveAspectRatio="none">{"".join(strip)}</svg>'
-    )
-    return f"<div><b>{escape(motion.anatomy)}</b>: {counts}, {span}<br>{picture}<br>{' &nbsp; '.join(words)}</div>"
-
-
-def _bar(part: slice, count: int, colour: str) -> str:
-    left, wide = _WIDTH * part.start / count, _WIDTH * (part.stop - part.start) / count
-    return f'<rect x="{left:.2f}" width="{wide:.2f}" height="14" fill="{colour}"/>'
+    return Shown(frame + motion._repr_html_())
