@@ -8,9 +8,9 @@ from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from adapt.anatomy_file import load_anatomy
-from adapt.model.body import rest_theta
+from adapt.model.body import pose_skin, rest_theta
 from adapt.subject import save_subject
-from capture.rigid import apply, inverse, transform
+from capture.rigid import apply, inverse, rotation_angle, transform
 from tests.known_limb import known_subject
 from tests.test_gltf import motion_of
 from track.evaluation.random_bodies import random_body
@@ -81,6 +81,24 @@ def test_clock_and_frame_are_found_from_landmarks_that_are_named_alike(seen):
     assert carried.times[0] == alignment.offset_s
 
 
+def test_markers_on_the_skin_near_landmarks_tell_nearly_as_well(seen):
+    subject, motion, trial = seen
+    body, finer = performance(LATE_S + trial.times)
+    rest, landmarks = body.v_tilde.value, [body.p.value[body.anatomy.landmark_index(name)] for name in NAMES]
+    stuck = np.array([np.linalg.norm(rest - landmark, axis=1).argmin() for landmark in landmarks])
+    seen_there = np.array([pose_skin(body, theta, vertices=stuck) for theta in finer])
+    skin = MarkerTrial(trial.times, {name: apply(LAB_FROM_HERE, seen_there[:, k]) for k, name in enumerate(NAMES)})
+    ours = c3d_points(motion, subject)
+    alignment = align(skin, motion, ours, pairs_of(skin, ours, {}))
+    off = alignment.motion_from_lab @ LAB_FROM_HERE
+    middle = np.nanmean(ours["EL"], axis=0)
+    assert alignment.offset_s == pytest.approx(LATE_S, abs=0.002)
+    assert rotation_angle(off[:3, :3]) < np.deg2rad(0.5)
+    assert np.linalg.norm(apply(off, middle[None])[0] - middle) < 0.004
+    apart = np.array(list(alignment.apart.values()))
+    assert 0.002 < np.sqrt(np.nanmean(apart**2)) < 0.01
+
+
 def test_a_stated_time_and_a_stated_frame_are_taken_as_they_are(seen):
     alignment = found(seen, offset_s=LATE_S, motion_from_lab=inverse(LAB_FROM_HERE))
     assert (alignment.offset_s, alignment.deviation_s) == (LATE_S, None)
@@ -144,6 +162,25 @@ def test_unknown_markers_are_read_however_programs_write_them(tmp_path, unit, me
     np.testing.assert_allclose(trial.points["R.Elbow"][:2] / metres, [[100, 200, 300], [110, 200, 300]])
     assert np.isnan(trial.points["R.Elbow"][2]).all()
     assert np.isfinite(trial.points["Wrist"]).all(axis=1).tolist() == [True, False, False]
+
+
+def test_of_a_c3d_file_points_alone_are_markers_and_unknown_ones_are_so(tmp_path):
+    ezc3d = pytest.importorskip("ezc3d", reason="C3D needs ezc3d: pip install bonetrack[c3d]")
+    at = np.ones((4, 3, 4))
+    at[:3] = np.arange(36.0).reshape(3, 3, 4) + 1.0
+    at[:3, 0, 2], at[:3, 0, 3] = np.nan, 0.0
+    file = ezc3d.c3d()
+    file["data"]["points"] = at
+    point = file["parameters"]["POINT"]
+    point["RATE"]["value"], point["UNITS"]["value"] = [100.0], ["mm"]
+    point["LABELS"]["value"] = ["RELB", "RWRA", "RElbowAngles"]
+    file.add_parameter("POINT", "ANGLES", ["RElbowAngles"])
+    file.write(str(tmp_path / "trial.c3d"))
+    trial = read_markers(tmp_path / "trial.c3d")
+    assert list(trial.points) == ["RELB", "RWRA"]
+    np.testing.assert_allclose(trial.times, [0.0, 0.01, 0.02, 0.03])
+    np.testing.assert_allclose(trial.points["RWRA"], 1e-3 * at[:3, 1].T, atol=1e-9)
+    assert np.isfinite(trial.points["RELB"]).all(axis=1).tolist() == [True, True, False, False]
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,7 @@ OF_FILES: dict[str, Command] = {
     "cloud.ply": lambda m, out: ("fuse", m.recording, "--frame", 1, "--out", out),
     "errors.json": lambda m, out: ("evaluate", m.motion, "--truth", m.recording, "--subject", m.subject, "--out", out),
     "report.html": lambda m, out: ("report", m.motion, "--subject", m.subject, "--out", out),
+    "film.mp4": lambda m, out: ("movie", m.motion, "--subject", m.subject, "--width", 160, "--out", out),
     "scene.html": lambda m, out: ("view", m.motion, "--subject", m.subject, "--html", out),
 }
 
@@ -116,6 +117,7 @@ def by_another(path: Path) -> None:
         ".jsonl": '{"my": "log"}\n',
         ".partial-journal": "notes\n",
         ".usdc": "#usda 1.0\n",
+        ".mp4": "\0\0\0\x20ftypisom\n",
         ".bvh": "HIERARCHY\nROOT Hips\n{\n\tOFFSET 0.0 0.0 0.0\n\tCHANNELS 3 Zrotation Xrotation Yrotation\n",
         ".c3d": "\2P MANUFACTURER SOFTWARE Nexus\n",
     }

@@ -13,6 +13,8 @@ from capture.errors import BonetrackError
 from capture.files import UNREADABLE
 
 _METRES = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3}
+_NO_POINTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "REACTIONS", "SCALARS")
+"""What C3D files keep among points though it is none, as lists of the labels."""
 _FORMATS = "give a marker file: .trc or .c3d"
 
 
@@ -46,6 +48,8 @@ def read_markers(path: Path) -> MarkerTrial:
         raise MarkerError(problem, where=path, remedy="write it again from the program that made it") from error
     if unit.lower() not in _METRES:
         raise MarkerError(f"is in {unit or 'no unit'}", where=path, remedy="write it in mm or m")
+    for at in points.values():  # programs write an unknown marker in different ways, one of them zeros
+        at[(at == 0.0).all(axis=1) | ~np.isfinite(at).all(axis=1)] = np.nan
     known = {name: _METRES[unit.lower()] * at for name, at in points.items() if np.isfinite(at).any()}
     if not known:
         raise MarkerError("holds no marker that is ever known", where=path, remedy="give another trial")
@@ -55,7 +59,7 @@ def read_markers(path: Path) -> MarkerTrial:
 
 
 def _read_trc(path: Path) -> tuple[Floats, dict[str, Floats], str]:
-    """Tab-separated; an unknown marker is written as empty cells, ``nan`` or zeros, as different programs do."""
+    """A table with tabs between its cells, of which those of unknown markers may be empty."""
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     header = dict(zip(re.split(r"\s+", lines[1].strip()), re.split(r"\s+", lines[2].strip()), strict=False))
     names = [name.strip() for name in lines[3].split("\t")[2::3] if name.strip()]
@@ -63,7 +67,6 @@ def _read_trc(path: Path) -> tuple[Floats, dict[str, Floats], str]:
     width = 2 + 3 * len(names)
     table = np.array([[float(cell) if cell.strip() else np.nan for cell in _filled(row, width)] for row in rows])
     at = table[:, 2:].reshape(len(table), len(names), 3)
-    at[(at == 0.0).all(axis=2) | ~np.isfinite(at).all(axis=2)] = np.nan
     return table[:, 1], {name: at[:, k] for k, name in enumerate(names)}, header["Units"]
 
 
@@ -81,9 +84,11 @@ def _read_c3d(path: Path) -> tuple[Floats, dict[str, Floats], str]:
         raise MarkerError("C3D needs ezc3d", where=path, remedy="pip install 'bonetrack[c3d]'") from error
     file = ezc3d.c3d(str(path))
     point, at = file["parameters"]["POINT"], file["data"]["points"][:3]  # NaN where the residual is below 0
-    labels = [label for key in sorted(point) if re.fullmatch(r"LABELS\d*", key) for label in point[key]["value"]]
+    lists = sorted((key for key in point if re.fullmatch(r"LABELS\d*", key)), key=lambda key: (len(key), key))
+    labels = [label.strip() for key in lists for label in point[key]["value"]][: at.shape[1]]
+    others = {label.strip() for key in _NO_POINTS if key in point for label in point[key]["value"]}
     times = np.arange(at.shape[2]) / float(point["RATE"]["value"][0])
-    points = {label.strip(): at[:, k].T.copy() for k, label in enumerate(labels[: at.shape[1]]) if label.strip()}
+    points = {label: at[:, k].T.copy() for k, label in enumerate(labels) if label and label not in others}
     units = point["UNITS"]["value"] if "UNITS" in point else []
     return times, points, units[0].strip() if units else ""
 
