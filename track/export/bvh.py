@@ -97,7 +97,7 @@ def write_bvh(
     refuse_any_foreign(dict.fromkeys(paths, MARK))
     for one, span in zip(paths, spans, strict=True):
         with replaced_if_own(one, MARK) as partial:
-            partial.write_text(_text(joints, 1.0 / even.rate_hz, span), encoding="ascii")
+            partial.write_text(_text(joints, 1.0 / even.rate_hz, span), encoding="utf-8")
     left_out = len(even.times) - len(times)
     return BvhReport(paths, 0, left_out + lost) if gaps == "split" else BvhReport(paths, lost, left_out)
 
