@@ -20,7 +20,7 @@ from track.export.gltf import write_gltf
 from track.export.linear_skin import STEPS, linear_skin, skin_gap
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names
 
-DTYPES = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
+DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 SIZES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -66,7 +66,11 @@ class ReadBack:
         return [world(k) for k in range(len(self.gltf.nodes))]
 
     def skin(self, key):
-        node = self.gltf.nodes[self.node("skin")]
+        return self.hung("skin", key)
+
+    def hung(self, name, key):
+        """The vertices at a key of a mesh that hangs on joints."""
+        node = self.gltf.nodes[self.node(name)]
         attributes = self.gltf.meshes[node.mesh].primitives[0].attributes
         rest, joints = self.array(attributes.POSITION), self.array(attributes.JOINTS_0)
         weights = self.array(attributes.WEIGHTS_0)
