@@ -212,7 +212,8 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
 
 
 def _bone(name: str, frame: Frame, arrays: dict[str, Any]) -> Bone:
-    return Bone(name, frame, *(arrays[f"bone/{name}/{part}"] for part in BONE_ARRAYS), arrays.get(f"bone/{name}/along"))
+    vertices, faces, weights = (arrays[f"bone/{name}/{part}"] for part in BONE_ARRAYS)
+    return Bone(name, frame, vertices, faces, weights, arrays.get(f"bone/{name}/along"))
 
 
 def _version(anatomy: Anatomy) -> int:

@@ -97,7 +97,7 @@ class LinearSkin:
         """The joints' frames (J, 4, 4) in a pose (n,): rigid, but for the twins' scales."""
         transforms = bone_transforms(self.body, theta)
         moved = np.array([transforms[bone.name] for bone in self.body.anatomy.bones])
-        helpers = [part.frames(transforms) for part in (*self.spans, *self.along)]
+        helpers = [span.frames(transforms) for span in self.spans] + [bone.frames(transforms) for bone in self.along]
         return np.concatenate([moved @ self.rest[: len(moved)], *helpers])
 
     def first_helper(self, bone: BoneAlong) -> int:
@@ -157,7 +157,7 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
     for bone in along:
         names, hangs_on = [*names, *bone.helpers], hangs_on + [bone.base] * len(bone.helpers)
     at_rest, still = bone_frames(body, rest_theta(body)), {name: np.eye(4) for name in bones}
-    helpers = [part.frames(still) for part in (*spans, *along)]
+    helpers = [span.frames(still) for span in spans] + [bone.frames(still) for bone in along]
     rest = np.concatenate([np.array([at_rest[name] for name in bones]), *helpers])
     index = tuple(None if name is None else bones.index(name) for name in hangs_on)
     return LinearSkin(body, tuple(names), index, rest, *_strongest(weights), tuple(spans), along)
