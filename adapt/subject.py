@@ -62,7 +62,8 @@ def doubts(subject: Subject) -> list[str]:
     """What a result made with a subject should say beside it, in words: what its adaptation could not tell."""
     told = []
     side = subject.report.get("side")
-    if "side" in subject.report and not (side is not None and side["told"]):  # an older file says nothing of its side
+    has_one = "side" in subject.report and subject.anatomy.side != "both"  # an older file says nothing of its side
+    if has_one and not (side is not None and side["told"]):
         told.append(f"the data do not tell that it is a {subject.anatomy.side} limb: the asked side is taken on trust")
     size = overall_size(subject.body)
     if _by_one_camera(subject) and not _USUAL[0] < size < _USUAL[1]:

@@ -1,8 +1,8 @@
 """Track a whole recording: frame by frame, written as it goes, resumed after a kill.
 
 Each finished frame is a line of ``MOTION/frames.jsonl``. The same command reads it back, drops an incomplete
-last line and up to four before it, and goes on from there; the final files replace it at the end. After the last frame the gaps are gone into
-backward (``track.backward_pass``); those lines tell the anchor that tracking went back from.
+last line and up to four before it, and goes on from there; the final files replace it at the end. After the last frame
+the gaps are gone into backward (``track.backward_pass``); those lines tell the anchor that tracking went back from.
 """
 
 from __future__ import annotations
