@@ -35,14 +35,18 @@ _LAYOUT = 2
 
 @dataclass(frozen=True)
 class Journal:
-    """A file that finished pieces (plain JSON, arrays as lists) are added to; ``entries`` are those of earlier runs."""
+    """A file that finished pieces (plain JSON, arrays as lists) are added to; ``entries`` are those of earlier runs.
+
+    Errors name the ``result`` that the work is for, which people know, not the journal.
+    """
 
     path: Path
     entries: tuple[Any, ...] = field(repr=False)
+    result: Path
 
     def append(self, entry: Any) -> None:
         """Add a finished piece. Numbers come back as they were, to the last bit."""
-        with naming(self.path), self.path.open("a", encoding="utf-8") as file:
+        with naming(self.result, self.path), self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(entry, default=_plain) + "\n")
 
     def remove(self) -> None:
@@ -50,10 +54,11 @@ class Journal:
         self.path.unlink(missing_ok=True)
 
 
-def resume_journal(path: Path, key: str, told: Told = lambda _: None) -> Journal:
+def resume_journal(path: Path, key: str, told: Told = lambda _: None, *, result: Path | None = None) -> Journal:
     """The journal at ``path``; an empty one if there is none with that key, which is ``told`` in a line.
 
-    A last line that was cut short is dropped; a damaged line is dropped with all that follows.
+    A last line that was cut short is dropped; a damaged line is dropped with all that follows. The ``result`` is what
+    the work is for, if that is another file.
 
     Raises:
         OutputError: something else than a journal stands there.
@@ -75,9 +80,10 @@ def resume_journal(path: Path, key: str, told: Told = lambda _: None) -> Journal
                 entries.append(json.loads(line))
             except ValueError:
                 break
-    with replaced_if_own(path, MARK) as partial:
+    result = path if result is None else result
+    with naming(result, path), replaced_if_own(path, MARK) as partial:
         partial.write_text("\n".join([key, *lines[1 : 1 + len(entries)]]) + "\n", encoding="utf-8")
-    return Journal(path, tuple(entries))
+    return Journal(path, tuple(entries), result)
 
 
 def journal_key(recording: Recording, *inputs: NDArray[Any] | str) -> str:

@@ -18,7 +18,7 @@ _PATH = click.Path(path_type=Path)
 
 @click.command("export")
 @click.argument("source", type=_PATH)
-@click.option("--subject", type=_PATH, help="The subject of a motion.")
+@click.option("--subject", type=_PATH, help="The subject of a motion [default: the one the motion knows].")
 @click.option("--frame", type=int, help="Also write skin and bones of this frame of a motion.")
 @click.option(
     "--gltf", is_flag=True, help="Also write a motion as an animated skeleton with skin and bones, motion.glb."
@@ -32,15 +32,14 @@ def export_command(source: Path, subject: Path | None, frame: int | None, gltf: 
     from track.export.files import export_motion, export_subject
     from track.export.glb import MARK
     from track.motion import MotionError, load_motion, refuse_recording
+    from track.whereabouts import subject_of
 
     if source.is_dir():
         refuse_recording(source)
-        if subject is None:
-            raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
         if gltf:
             refuse_foreign(out / "motion.glb", MARK)
         motion = load_motion(source)
-        whose = load_subject(subject)
+        whose = load_subject(subject_of(motion, source, subject))
         try:
             written = export_motion(motion, whose, out, frame=frame, parquet=parquet)
         except MotionError as error:  # it knows the motion, not the folder it came from
@@ -50,7 +49,7 @@ def export_command(source: Path, subject: Path | None, frame: int | None, gltf: 
         if gltf:
             written.append(_gltf(motion, whose, out / "motion.glb"))
     elif gltf or parquet:
-        raise click.UsageError("--gltf and --parquet go with a motion: name its folder and --subject")
+        raise click.UsageError("--gltf and --parquet go with a motion: name its folder")
     else:
         written = export_subject(load_subject(source), out)
     for path in written:
