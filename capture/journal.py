@@ -22,7 +22,7 @@ from capture.files import naming
 from capture.own import Mark, replaced_if_own
 from capture.recording import Recording
 
-MARK = Mark(re.compile(rb"\A[0-9a-f]{64}\n"))
+MARK = Mark(re.compile(rb"\A[0-9a-f]{64}\r?\n"))
 
 BEGUN_ANEW = "begun anew, for the run that was cut short had another version, other files or other options"
 

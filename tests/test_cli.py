@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import io
 import json
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,37 +17,15 @@ from adapt.subject import load_subject, save_subject
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
 from capture.rigid import inverse
+from tests.command_line import bonetrack
 from tests.known_limb import ANATOMY, bending_and_twisting
 from track.accuracy.truth import read_truth, world_from_common
-from track.cli import main
 from track.demo import samples
 from track.evaluation.known import carried
 from track.motion import load_motion
 from track.poses_by_hand import HandPose, write_poses
 
 FRAMES = 8
-
-
-@dataclass(frozen=True)
-class Ran:
-    code: int
-    out: str
-    err: str
-
-
-def bonetrack(*arguments) -> Ran:
-    """Run the command line in this process."""
-    out, err, argv = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["bonetrack", *map(str, arguments)]
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            main()
-        code = 0
-    except SystemExit as end:
-        code = int(end.code or 0)
-    finally:
-        sys.argv = argv
-    return Ran(code, out.getvalue(), err.getvalue())
 
 
 def fails(*arguments, saying: str) -> str:

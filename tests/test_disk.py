@@ -22,8 +22,9 @@ from capture.files import replaced_when_complete
 from capture.journal import resume_journal
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
+from tests.command_line import bonetrack
 from tests.known_limb import FRAMES
-from tests.test_cli import bonetrack, fails
+from tests.test_cli import fails
 from tests.test_track import same_motion
 from track.track_recording import JOURNAL, track_recording
 

@@ -10,7 +10,8 @@ import pytest
 import capture.progress
 from capture.console import begin_log, end_log, stdout, tell
 from capture.progress import progress
-from tests.test_cli import bonetrack, fails
+from tests.command_line import bonetrack
+from tests.test_cli import fails
 from track.cli import bonetrack as group
 from track.command_group import COMMON
 
@@ -108,6 +109,22 @@ def test_the_help_has_every_command_in_a_section_and_whole_sentences():
     assert "..." not in said.replace("[ARGS]...", "")
     for command in group.commands.values():
         assert command.get_short_help_str(limit=1000) in " ".join(said.split()), command.name
+
+
+def test_shells_can_complete_commands(monkeypatch):
+    monkeypatch.setenv("_BONETRACK_COMPLETE", "zsh_source")
+    assert "_BONETRACK_COMPLETE=zsh_complete" in bonetrack().out
+
+
+@pytest.mark.parametrize(("command", "says"), [("track", "goes on from here"), ("calibrate", "stopped\n")])
+def test_whoever_stops_a_command_is_told_whether_it_goes_on(monkeypatch, limb, tmp_path, command, says):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("capture.recording.open_recording", interrupted)
+    more = ("--subject", tmp_path / "s.npz", "--out", tmp_path / "m") if command == "track" else ()
+    ran = bonetrack(command, limb.recording.path, *more)
+    assert (ran.code, says in ran.err) == (1, True)
 
 
 def test_a_name_of_another_format_is_refused_before_the_work(limb, tmp_path):

@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 
 from adapt.subject import load_subject, save_subject
+from tests.command_line import bonetrack
 from tests.known_motion import reported_subject
-from tests.test_cli import bonetrack, fails
+from tests.test_cli import fails
 from track.motion import load_motion
 from track.track_recording import track_recording
 from track.whereabouts import recording_of, subject_of

@@ -16,7 +16,9 @@ from track.accuracy.commands import evaluate_command
 from track.batch.commands import batch_command
 from track.command_group import StepGroup
 from track.commands import demo_command, track_command
+from track.doctor.commands import doctor_command
 from track.export.commands import export_command
+from track.run.commands import run_command
 from track.simulation.commands import simulate_command
 from track.view.commands import report_command, view_command
 
@@ -28,12 +30,12 @@ def bonetrack(debug: bool) -> None:
     """From depth-sensor recordings of a person to the motion of the bones inside."""
 
 
-bonetrack.add_section("All at once", [demo_command])
+bonetrack.add_section("All at once", [run_command, demo_command])
 bonetrack.add_section("Capture", [import_command, record_command, simulate_command, calibrate_command, fuse_command])
 bonetrack.add_section("Adapt", [adapt_command])
 bonetrack.add_section("Track", [track_command, batch_command])
 bonetrack.add_section("Take out", [export_command, report_command, view_command])
-bonetrack.add_section("Check", [evaluate_command])
+bonetrack.add_section("Check", [doctor_command, evaluate_command])
 
 
 def main() -> None:
@@ -47,7 +49,7 @@ def main() -> None:
         error.show()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        stderr.print("stopped")
+        stderr.print("stopped; the same command goes on from here" if _command() in _GO_ON else "stopped")
         sys.exit(1)
     except Exception as error:
         if "--debug" in sys.argv:
@@ -61,8 +63,13 @@ def main() -> None:
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MAY_NOT = (errno.EACCES, errno.EPERM, errno.EROFS)
 
-_GO_ON = ("adapt", "batch", "demo", "track")
+_GO_ON = ("adapt", "batch", "demo", "run", "track")
 """Commands that go on where they stopped; the others are done anew."""
+
+
+def _command() -> str:
+    """The command that is run."""
+    return next((word for word in sys.argv[1:] if word in bonetrack.commands), "")
 
 
 def _one_line(error: Exception) -> str:
@@ -76,8 +83,7 @@ def _one_line(error: Exception) -> str:
 def _remedy(error: OSError) -> str:
     """What to do about an error of the operating system, in the command that is run."""
     if error.errno in _FULL:
-        command = next((word for word in sys.argv[1:] if word in bonetrack.commands), "")
-        goes_on = "it goes on where it stopped" if command in _GO_ON else "it is done anew"
+        goes_on = "it goes on where it stopped" if _command() in _GO_ON else "it is done anew"
         return f"make room, then give the same command again: {goes_on}"
     if error.errno in _MAY_NOT:
         return "give a folder that you may write to, or check the file's permissions"

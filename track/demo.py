@@ -130,5 +130,7 @@ def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> 
         cloud = fuse(recording, moments[number])
         written.append(out / f"fit_{number:04d}.png")
         refuse_foreign(written[-1], PNG)
-        picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=motion.shown[number])
+        title = f"{subject.anatomy.name}, frame {number} of the sample, at {motion.times[number]:.2f} s"
+        shown = motion.shown[number]
+        picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=shown, title=title)
     return written

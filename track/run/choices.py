@@ -1,7 +1,7 @@
 """What is chosen for a run: ``bonetrack.toml`` beside the results, read, checked and written.
 
-A section a step, a key an option of the step's command. What is known of options stands there alone: their names, types,
-ranges and what they are where nobody chooses. Paths are taken from the file's folder.
+A section a step, a key an option of the step's command. What is known of options stands there alone: names,
+types, ranges and what they are where nobody chooses. Paths are taken from the file's folder.
 """
 
 from __future__ import annotations
@@ -42,9 +42,7 @@ class Choices:
 
     def with_more(self, more: Choices) -> Choices:
         """These with others put over them, as the command line has them."""
-        sections = {
-            step.name: {**self.of_step.get(step.name, {}), **more.of_step.get(step.name, {})} for step in STEPS
-        }
+        sections = {step.name: {**self.of_step.get(step.name, {}), **more.of_step.get(step.name, {})} for step in STEPS}
         left_out = tuple(dict.fromkeys(self.leave_out + more.leave_out))
         return Choices(more.files or self.files, left_out, sections)
 
@@ -58,10 +56,10 @@ def read_choices(path: Path) -> Choices:
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
     ...     file = Path(folder, FILE)
-    ...     _ = file.write_text("[adapt]\\nanatomy = 'lower-limb-left'\\n[track]\\nthreshold = [['least_coverage', 0.6]]")
+    ...     _ = file.write_text("[adapt]\\nposes = 5\\n[track]\\nthreshold = [['least_coverage', 0.6]]")
     ...     choices = read_choices(file)
     >>> choices.of_step
-    {'adapt': {'anatomy': 'lower-limb-left'}, 'track': {'threshold': [['least_coverage', 0.6]]}}
+    {'adapt': {'poses': 5}, 'track': {'threshold': [['least_coverage', 0.6]]}}
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -97,6 +95,8 @@ def checked(content: Mapping[str, Any], *, where: Path) -> Choices:
 def _value(step: Step, key: str, value: Any, where: Path) -> Any:
     """The value of an option, if it is one, with a path made whole."""
     option, name = step.options[key], f"[{step.name}] {key}"
+    if option.multiple and option.nargs == 1 and not isinstance(value, list):
+        value = [value]  # once for all
     wanted = _wanted(option)
     _refuse(name, value, _is_of(option, value), wanted, where)
     try:
@@ -118,7 +118,7 @@ def _whole(path: str, where: Path) -> str:
 
 
 def _is_of(option: click.Option, value: Any) -> bool:
-    """Whether a value is of the kind that an option takes: TOML has kinds of its own, and none is turned into another."""
+    """Whether a value is of the kind that an option takes; none is turned into another kind."""
     if option.is_flag:
         return isinstance(value, bool)
     if not option.multiple:

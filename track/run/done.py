@@ -59,14 +59,22 @@ class DoneSteps:
 
 
 def digest(chosen: Mapping[str, Any], *parts: str) -> str:
-    """A digest of choices, of the content of files that they name, and of other digests.
+    """A digest of choices and of other digests; a file that a choice names counts by its content, wherever it lies.
 
     >>> digest({"poses": 6}) == digest({"poses": 6}), digest({"poses": 6}) == digest({"poses": 5})
     (True, False)
     """
-    named = [file_digest(Path(text)) for text in _texts(list(chosen.values())) if Path(text).is_file()]
-    told = json.dumps([sorted(chosen.items()), named, parts])
+    told = json.dumps([sorted((key, _by_content(value)) for key, value in chosen.items()), parts])
     return hashlib.sha256(told.encode()).hexdigest()
+
+
+def _by_content(value: Any) -> Any:
+    """A value of a choice with digests in the place of whole paths."""
+    if isinstance(value, list):
+        return [_by_content(one) for one in value]
+    if not isinstance(value, str) or not Path(value).is_absolute() or not Path(value).exists():
+        return value
+    return sources_digest([Path(value)]) if Path(value).is_dir() else file_digest(Path(value))
 
 
 def file_digest(path: Path) -> str:
@@ -76,13 +84,16 @@ def file_digest(path: Path) -> str:
 
 
 def sources_digest(paths: Sequence[Path]) -> str:
-    """A digest of sensors' files and folders by name, size and time; their content may be many gigabytes."""
+    """A digest of sensors' files and folders by name, size and time, for their content may be many gigabytes.
+
+    It is the same where they are moved or copied with their times.
+    """
     told = hashlib.sha256()
     for path in paths:
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.is_file():
                 written = file.stat()
-                told.update(f"{file} {written.st_size} {written.st_mtime_ns}\n".encode())
+                told.update(f"{file.relative_to(path.parent)} {written.st_size} {written.st_mtime_ns}\n".encode())
     return told.hexdigest()
 
 
@@ -95,11 +106,3 @@ def recording_digest(path: Path, *, calibrated: bool = True) -> str:
     for file in (path / name for name in names):
         told.update(file.read_bytes() if file.is_file() else b"none")
     return told.hexdigest()
-
-
-def _texts(values: Sequence[Any]) -> list[str]:
-    return [text for value in values for text in (_texts(value) if isinstance(value, list) else [value]) if _is(text)]
-
-
-def _is(text: Any) -> bool:
-    return isinstance(text, str) and 0 < len(text) < 1000 and "\0" not in text
