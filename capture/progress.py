@@ -6,6 +6,7 @@ A line says what is done, which share of it is done and how long the rest takes,
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 EVERY_S = 5.0
 """Between two lines."""
 
-_LOOK_BACK_S = 120.0
-"""How much of the past tells how long the rest takes."""
-
 
 class Work:
     """Work that is going on; whoever does it says how far it has come."""
@@ -28,10 +26,15 @@ class Work:
     def __init__(self, step: str, shown: Progress, task: TaskID) -> None:
         self._step, self._shown, self._task = step, shown, task
         self._note = ""
+        self._since: tuple[float, float] | None = None  # when, and how much was done then
+        self._done = 0.0
 
     def at(self, done: float, total: float | None = None, note: str = "") -> None:
         """So much is ``done`` of a ``total`` (None: nobody knows), in any unit; the ``note`` says what that is."""
         self._note = note
+        if self._since is None or done < self._done:  # what an earlier run did tells nothing of how fast this one is
+            self._since = time.monotonic(), done
+        self._done = done
         words = f"{self._step}: {note}" if note else self._step
         self._shown.update(self._task, completed=done, total=total, description=words)
 
@@ -41,12 +44,19 @@ class Work:
         parts = [f"{self._step}: {self._note}" if self._note else self._step]
         if task.total:
             parts.append(f"{task.percentage:.0f} % done")
-        left = task.time_remaining
-        if task.total and left is not None:
+        left = self._left_s(task.total)
+        if left is not None:
             parts.append(f"about {in_words(left)} left")
         else:
             parts.append(f"{in_words(task.elapsed or 0.0)} so far")
         return ", ".join(parts)
+
+    def _left_s(self, total: float | None) -> float | None:
+        """How long the rest takes (s) if it goes on as it did; the longer nothing is done, the longer."""
+        if not total or self._since is None or self._done <= self._since[1]:
+            return None
+        when, begin = self._since
+        return (time.monotonic() - when) * (total - self._done) / (self._done - begin)
 
 
 @contextmanager
@@ -63,7 +73,6 @@ def progress(step: str) -> Iterator[Work]:
         console=stdout,
         transient=True,
         disable=not on_terminal,
-        speed_estimate_period=_LOOK_BACK_S,
     )
     work = Work(step, shown, shown.add_task(step, total=None))
     ended = threading.Event()

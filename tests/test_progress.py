@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 
 import click
@@ -111,9 +114,11 @@ def test_the_help_has_every_command_in_a_section_and_whole_sentences():
         assert command.get_short_help_str(limit=1000) in " ".join(said.split()), command.name
 
 
-def test_shells_can_complete_commands(monkeypatch):
-    monkeypatch.setenv("_BONETRACK_COMPLETE", "zsh_source")
-    assert "_BONETRACK_COMPLETE=zsh_complete" in bonetrack().out
+def test_shells_can_complete_commands():
+    command = [sys.executable, "-c", "from track.cli import main; main()"]
+    asked = {"_BONETRACK_COMPLETE": "bash_complete", "COMP_WORDS": "bonetrack cal", "COMP_CWORD": "1"}
+    ran = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, check=False)
+    assert "calibrate" in ran.stdout, ran
 
 
 @pytest.mark.parametrize(("command", "says"), [("track", "goes on from here"), ("calibrate", "stopped\n")])
@@ -140,3 +145,18 @@ def test_a_name_of_another_format_is_refused_before_the_work(limb, tmp_path):
         assert ran.code == 2
         assert f"result{suffix}: this is written as" in ran.err
         assert not out.exists()
+
+
+def test_the_time_left_goes_by_this_run_and_grows_while_nothing_is_done(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(capture.progress.time, "monotonic", lambda: now[0])
+    with progress("tracking") as work:
+        work.at(500, 1000)  # what an earlier run did
+        assert "left" not in work.in_words()
+        now[0] = 110.0
+        work.at(600, 1000)
+        assert work.in_words() == "tracking, 60 % done, about 40 s left"
+        now[0] = 120.0
+        assert work.in_words() == "tracking, 60 % done, about 1 min 20 s left"
+        work.at(10, 1000)  # the next sensor begins
+        assert "left" not in work.in_words()
