@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
 
-from rich.console import Console
+from rich.console import Console, NewLine
 from rich.control import Control
 
 _WIDE = 1000
@@ -17,13 +17,14 @@ _WIDE = 1000
 class LoggedConsole(Console):
     """A console whose lines also go into a log, where one is kept, whether they are shown or not."""
 
-    log: Console | None = None
+    kept: Console | None = None
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print as ``Console`` does, and into the log."""
         super().print(*objects, **options)
-        if self.log is not None and not any(isinstance(thing, Control) for thing in objects):
-            self.log.print(*objects, **options)
+        moves_a_bar = not objects or any(isinstance(thing, Control | NewLine) for thing in objects)
+        if self.kept is not None and not moves_a_bar:
+            self.kept.print(*objects, **options)
 
 
 def _width() -> int | None:
@@ -40,6 +41,12 @@ def tell(line: str) -> None:
     stdout.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
+def tell_log(line: str) -> None:
+    """Add a line to the log alone, where one is kept."""
+    if stdout.kept is not None:
+        stdout.kept.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
 def begin_log(path: Path, command: str) -> None:
     """Add all that is printed from now on to a file, with when it was and which command; ``end_log`` closes it.
 
@@ -48,15 +55,14 @@ def begin_log(path: Path, command: str) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     file = path.open("a", encoding="utf-8")
-    log = Console(file=file, width=_WIDE)
-    stdout.log = stderr.log = log
-    log.print(f"{datetime.now():%Y-%m-%d %H:%M:%S} {command}", highlight=False, markup=False, soft_wrap=True)
+    stdout.kept = stderr.kept = Console(file=file, width=_WIDE)
+    tell_log(f"{datetime.now():%Y-%m-%d %H:%M:%S} {command}")
 
 
 def end_log() -> None:
     """Close the log, if one is kept, and show again what was asked not to be shown."""
-    file: IO[str] | None = None if stdout.log is None else stdout.log.file
-    stdout.log = stderr.log = None
+    file: IO[str] | None = None if stdout.kept is None else stdout.kept.file
+    stdout.kept = stderr.kept = None
     stdout.quiet = False
     if file is not None:
         file.close()

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from capture.console import stdout, tell
+from capture.console import stdout, tell, tell_log
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -61,7 +61,10 @@ class Work:
 
 @contextmanager
 def progress(step: str) -> Iterator[Work]:
-    """Show how far the work of the block has come; the ``step`` is what it is called."""
+    """Show how far the work of the block has come; the ``step`` is what it is called.
+
+    Where a bar shows it, a log has the lines all the same.
+    """
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
     on_terminal = stdout.is_terminal and not stdout.quiet
@@ -76,21 +79,20 @@ def progress(step: str) -> Iterator[Work]:
     )
     work = Work(step, shown, shown.add_task(step, total=None))
     ended = threading.Event()
-    teller = threading.Thread(target=_tell_now_and_then, args=(work, ended), daemon=True)
+    told = tell_log if on_terminal else tell
+    teller = threading.Thread(target=_tell_now_and_then, args=(work, ended, told), daemon=True)
     with shown:
-        if not on_terminal:
-            teller.start()
+        teller.start()
         try:
             yield work
         finally:
             ended.set()
-            if teller.is_alive():
-                teller.join()
+            teller.join()
 
 
-def _tell_now_and_then(work: Work, ended: threading.Event) -> None:
+def _tell_now_and_then(work: Work, ended: threading.Event, told: Callable[[str], None]) -> None:
     while not ended.wait(EVERY_S):
-        tell(work.in_words())
+        told(work.in_words())
 
 
 def in_words(seconds: float) -> str:

@@ -238,7 +238,7 @@ def test_a_sensors_folder_of_a_recording_gives_its_frames_and_their_times_and_no
     assert not taken.box_frames
     for one, other in zip(taken.frames, sensor.frames, strict=True):
         np.testing.assert_array_equal(read_depth(taken, one), read_depth(taken, other))
-    assert "frames.csv (1 images of the box left out)" in recording.created_by
+    assert "frames.csv (images of the box left out: 1)" in recording.created_by
 
 
 def test_a_table_that_only_has_the_name_of_a_list_of_frames_is_left_aside(tmp_path):

@@ -92,6 +92,22 @@ def test_a_log_is_not_wrapped_and_takes_brackets_as_they_are(tmp_path):
     assert (tmp_path / "log.txt").read_text(encoding="utf-8").splitlines()[1:] == ["a [b] " * 100, "in words"]
 
 
+def test_where_a_bar_shows_the_work_the_log_has_the_lines(tmp_path, capsys, soon, monkeypatch):
+    monkeypatch.setattr(stdout, "_force_terminal", True)
+    begin_log(tmp_path / "log.txt", "bonetrack")
+    try:
+        with progress("tracking") as work:
+            work.at(1, 4)
+            deadline = time.monotonic() + 5.0
+            while "25 % done" not in (tmp_path / "log.txt").read_text(encoding="utf-8") and time.monotonic() < deadline:
+                time.sleep(0.005)
+    finally:
+        end_log()
+    lines = (tmp_path / "log.txt").read_text(encoding="utf-8").splitlines()
+    assert set(lines[1:]) <= {"tracking, 0 s so far", "tracking, 25 % done, 0 s so far"}
+    assert "25 % done" not in capsys.readouterr().out
+
+
 def test_a_log_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     ran = bonetrack("calibrate", tmp_path, "--log", tmp_path / "file" / "log.txt")

@@ -22,12 +22,12 @@ class WrittenFile(click.Path):
     """
 
     def __init__(self, suffix: str, written_as: str) -> None:
-        super().__init__(path_type=Path, dir_okay=False)
+        super().__init__(path_type=Path)
         self._suffix, self._written_as = suffix, written_as
 
     def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, if its name has the format's suffix or none."""
-        path = Path(super().convert(value, param, ctx))
+        path = Path(str(super().convert(value, param, ctx)))
         if path.suffix.lower() not in ("", self._suffix):
             told = f"this is written as {self._written_as}, so give it a name that ends in {self._suffix}"
             self.fail(f"{path}: {told}", param, ctx)

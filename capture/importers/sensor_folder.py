@@ -38,7 +38,7 @@ def open_sensor_folder(folder: Path, stated: UserCamera) -> Source:
         raise RecordingError("lists no frames", where=folder / FRAMES_FILE, remedy="name another sensor's folder")
     words = FRAMES_FILE
     if (folder / BOX_FRAMES_FILE).is_file():
-        words += f" ({len(read_frame_list(folder / BOX_FRAMES_FILE))} images of the box left out)"
+        words += f" (images of the box left out: {len(read_frame_list(folder / BOX_FRAMES_FILE))})"
     files, times = tuple(frame.path for frame in listed), tuple(frame.time_s for frame in listed)
     named = NamedTimes(files, times, words, clock=True)
     width, height = depth_png.image_size(files[0])

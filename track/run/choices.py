@@ -135,7 +135,7 @@ def _is_one(option: click.Option, value: Any) -> bool:
     return all(_is_scalar(type, one) for type, one in zip(types, value, strict=True))
 
 
-def _is_scalar(type: click.ParamType, value: Any) -> bool:
+def _is_scalar(type: click.ParamType[Any], value: Any) -> bool:
     if isinstance(value, bool):
         return False
     if isinstance(type, click.types.IntParamType):
@@ -163,7 +163,7 @@ def _wanted(option: click.Option) -> str:
     return f"a list, each {kind}" if option.multiple else kind
 
 
-def _kind(type: click.ParamType) -> str:
+def _kind(type: click.ParamType[Any]) -> str:
     if isinstance(type, click.types.IntParamType):
         return "a whole number"
     if isinstance(type, click.types.FloatParamType):

@@ -44,8 +44,8 @@ def _with_options_of_steps(command: click.Command) -> click.Command:
     for key, steps in _ALSO_HERE.items():
         option = steps[0].options[key]
         named = [max(option.opts, key=len), key.replace("-", "_")]
-        kind: dict[str, Any] = {"is_flag": True} if option.is_flag else {"type": option.type, "nargs": option.nargs}
-        more = {"multiple": option.multiple, "default": None, "metavar": option.metavar, "help": option.help}
+        kind: Any = {"is_flag": True} if option.is_flag else {"type": option.type, "nargs": option.nargs}
+        more: Any = {"multiple": option.multiple, "default": None, "metavar": option.metavar, "help": option.help}
         command.params.append(click.Option(named, **kind, **more))
     return command
 
