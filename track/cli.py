@@ -16,11 +16,15 @@ from track.accuracy.commands import evaluate_command
 from track.batch.commands import batch_command
 from track.command_group import StepGroup
 from track.commands import demo_command, track_command
+from track.curves.commands import curves_command
+from track.curves.compare_command import compare_command
 from track.doctor.commands import doctor_command
 from track.export.commands import export_command
+from track.markers.commands import import_markers_command
 from track.run.commands import run_command
 from track.simulation.commands import simulate_command
 from track.view.commands import report_command, view_command
+from track.view.film_commands import movie_command
 
 
 @click.group(cls=StepGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -31,10 +35,16 @@ def bonetrack(debug: bool) -> None:
 
 
 bonetrack.add_section("All at once", [run_command, demo_command])
-bonetrack.add_section("Capture", [import_command, record_command, simulate_command, calibrate_command, fuse_command])
+bonetrack.add_section(
+    "Capture",
+    [import_command, import_markers_command, record_command, simulate_command, calibrate_command, fuse_command],
+)
 bonetrack.add_section("Adapt", [adapt_command])
 bonetrack.add_section("Track", [track_command, batch_command])
-bonetrack.add_section("Take out", [export_command, report_command, view_command])
+bonetrack.add_section(
+    "Take out",
+    [export_command, report_command, curves_command, compare_command, view_command, movie_command],
+)
 bonetrack.add_section("Check", [doctor_command, evaluate_command])
 
 

@@ -19,7 +19,12 @@ WHAT_FOR = {
     "realsense": "importing RealSense files (.bag)",
     "realsense-live": "recording RealSense cameras",
     "view": "`bonetrack view` and `bonetrack report`",
+    "movie": "`bonetrack movie`",
+    "c3d": "C3D (`bonetrack export --c3d`, `bonetrack import-markers`)",
+    "usd": "USD (`bonetrack export --usd`)",
     "tables": "tables as Parquet",
+    "pandas": "tables as pandas has them, in Python",
+    "statistics": "`bonetrack compare --spm`",
     "batch": "`bonetrack batch`",
 }
 """What people want the extras for; the others are for who works on the program."""
