@@ -340,14 +340,16 @@ def test_a_wrong_command_line_ends_with_code_2(arguments):
     assert "Traceback" not in ran.err
 
 
+def test_a_folder_is_not_written_over_as_a_file_and_an_empty_one_is_no_motion(recording, tmp_path):
+    fails(*adapt(recording, tmp_path), saying="is a folder, not a file")
+    (tmp_path / "motion").mkdir()
+    fails("export", tmp_path / "motion", "--out", tmp_path / "out", saying="no motion here")
+
+
 def test_wrong_numbers_in_options_end_with_code_2(recording, subject, tmp_path):
     out = ("--out", tmp_path / "out")
     assert bonetrack("adapt", recording, "--anatomy", ANATOMY, *out, "--frames", "0,x").code == 2
     assert bonetrack("fuse", recording, "--frame", 0, *out, "--region", 1, 0, 0, 0, 1, 1).code == 2
-    assert bonetrack("adapt", recording, "--anatomy", ANATOMY, "--out", tmp_path, "--frames", "0,1,2,3").code == 2
-    motion = tmp_path / "motion"
-    motion.mkdir()
-    assert bonetrack("export", motion, *out).code == 2
     assert bonetrack("export", subject, "--gltf", *out).code == 2
     assert not (tmp_path / "out").exists()
 
