@@ -38,7 +38,8 @@ class Subject:
 
     ``thetas`` (K, n) are the example poses and ``times`` (K,) their instants (s) in the recording;
     ``covariance`` (m + q, m + q) is that of the shape and of the coefficients of the soft tissue (``adapt.tissue``),
-    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON.
+    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON. The ``path`` is that of the file that it
+    was read from or written to.
     """
 
     body: Body
@@ -46,6 +47,7 @@ class Subject:
     times: Floats = field(repr=False)
     covariance: Floats = field(repr=False)
     report: dict[str, Any] = field(repr=False)
+    path: Path | None = field(default=None, repr=False)
 
     @property
     def never_seen(self) -> tuple[str, ...]:
@@ -206,4 +208,4 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], kept: d
     thetas, times = arrays["thetas"], arrays["times"]
     if times.ndim != 1 or thetas.shape != (len(times), len(template.coordinates)):
         raise ValueError(f"poses of shape {thetas.shape} at times of shape {times.shape}")
-    return Subject(body, thetas, times, covariance, report)
+    return Subject(body, thetas, times, covariance, report, path)

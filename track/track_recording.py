@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ from track.prefetch import one_ahead
 from track.settings import Settings
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
+from track.whereabouts import whereabouts
 
 JOURNAL = "frames.jsonl"
 _ANCHOR = "anchor"  # names the journal's lines of frames tracked backward
@@ -86,6 +87,7 @@ def track_recording(
     _make_folder(out)
     tracker = make_tracker(subject, options.thresholds)
     settings = options.used(recording, subject=subject_fingerprint(subject), thresholds=tracker.decided_by())
+    settings = replace(settings, places=whereabouts(out, recording=recording.path, subject=subject.path))
     region = options.region or region_of_interest(recording)
     key = _key(recording, tracker, options, region)
     journal = resume_journal(out / JOURNAL, key, told, goes_on=lambda entry: _STATE in entry)
