@@ -16,7 +16,7 @@ import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.compiled.between import Between
-from adapt.model.compiled.layout import BoundSkin, Varying
+from adapt.model.compiled.layout import BoundSkin, Unsigned, Varying
 from adapt.model.compiled.room import Room, add_turned
 from capture.compiled import compiled_sums, inlined
 
@@ -96,8 +96,8 @@ def _place(
 @inlined
 def _add_swung(
     g: Between,
-    runs: Ints,
-    flat: Ints,
+    runs: Unsigned,
+    flat: Unsigned,
     e: int,
     at: int,
     w: float,

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.derivatives import Motion
+
+Unsigned = NDArray[np.uint64]
 
 RIGID, TURNING, BENDING, CURVING = range(4)
 """The loops there are: skin rides on one bone; turns bit by bit from one bone to the next; swells meanwhile; or rides
@@ -50,8 +53,8 @@ class BoundSkin(NamedTuple):
     frame_translation: Floats  # (D, 2, 3)
     axis: Floats  # (D, 3) of a bend
     length: Floats  # (D,) of an arc
-    runs: Ints  # (D, R, 2): from where to where columns of derivatives are that its bones vary by
-    flat: Ints  # (D, Q, 2): the same of rows of x, y and z one after the other
+    runs: Unsigned  # (D, R, 2): from where to where columns of derivatives are that its bones vary by
+    flat: Unsigned  # (D, Q, 2): the same of rows of x, y and z one after the other
     first: Ints  # (V + 1,): where the entries of a vertex begin; they end where the next one's begin
     deformer: Ints  # (E,)
     weight: Floats  # (E,)

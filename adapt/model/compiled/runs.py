@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Ints
+from adapt.model.compiled.layout import Unsigned
 from adapt.model.derivatives import Points
 from adapt.model.pose_space import joint_index
 
 _WORTH_SKIPPING = 8  # columns: to go on over fewer costs less than to begin anew behind them
 
 
-def varying_runs(anatomy: Anatomy, p: Points, bones: Ints) -> tuple[Ints, Ints]:
+def varying_runs(anatomy: Anatomy, p: Points, bones: Ints) -> tuple[Unsigned, Unsigned]:
     """From where to where (D, R, 2) columns lie that either of each pair of ``bones`` (D, 2) varies by.
 
     Then the same (D, Q, 2) in rows of the columns of x, y and z one after the other.
@@ -25,7 +26,7 @@ def varying_runs(anatomy: Anatomy, p: Points, bones: Ints) -> tuple[Ints, Ints]:
     return _table(varying), _table(np.tile(varying, 3))
 
 
-def _table(varying: NDArray[np.bool_]) -> Ints:
+def _table(varying: NDArray[np.bool_]) -> Unsigned:
     """Runs (D, R, 2) of each row, filled up with runs of no columns.
 
     They have no signs: compiled loops would look at each number whether it counts from the end.

@@ -20,7 +20,7 @@ from adapt.anatomy import Floats, Ints
 from adapt.model.compiled.between import Between, frames_between
 from adapt.model.compiled.chain import move_bones
 from adapt.model.compiled.curving import add_curved
-from adapt.model.compiled.layout import BENDING, CURVING, RIGID, TURNING, BoundSkin, Varying
+from adapt.model.compiled.layout import BENDING, CURVING, RIGID, TURNING, BoundSkin, Unsigned, Varying
 from adapt.model.compiled.links import Bones, Chain
 from adapt.model.compiled.room import Listed, Room, add_turned, fill_lists, lists_for, room_for
 from capture.compiled import compiled_sums
@@ -191,7 +191,7 @@ def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: Room) -
 
 @compiled_sums
 def _add_swung(
-    spin: Floats, glide: Floats, runs: Ints, flat: Ints, angle: float, e: int, count: int, room: Room, d: Floats
+    spin: Floats, glide: Floats, runs: Unsigned, flat: Unsigned, angle: float, e: int, count: int, room: Room, d: Floats
 ) -> None:
     """What vertices vary by with the frames, for the same shares t and the same arms."""
     n = d.shape[1] // 3
@@ -215,7 +215,7 @@ def _add_swung(
 
 
 @compiled_sums
-def _add_evading(d_inward: Floats, d_mitre: Floats, runs: Ints, e: int, count: int, room: Room, d: Floats) -> None:
+def _add_evading(d_inward: Floats, d_mitre: Floats, runs: Unsigned, e: int, count: int, room: Room, d: Floats) -> None:
     """What a bend's tissue evades by when the joint bends further."""
     n, rotation = d.shape[1] // 3, room.rotation
     gain = np.zeros(n)
