@@ -37,7 +37,6 @@ _MATERIALS: list[dict[str, Any]] = [
     },
 ]
 _SKIN, _BONE = range(2)
-_MOST_IN_A_BYTE = 256  # joints that one byte a vertex tells apart
 
 
 @dataclass(frozen=True)
@@ -142,10 +141,9 @@ def _hung(glb: Glb, mesh: dict[str, Any], skin: LinearSkin, joints: Ints, weight
     """A mesh whose vertices hang on ``joints`` (N, 4) by ``weights`` (N, 4)."""
     single = weights.astype(np.float32)
     single[:, 0] = 1.0 - single[:, 1:].sum(axis=1)  # in single precision, too, they sum up to 1
-    numbers = np.where(single > 0.0, joints, 0)
-    index: Literal["<u1", "<u2"] = "<u1" if len(skin.names) <= _MOST_IN_A_BYTE else "<u2"
+    index: Literal["<u1", "<u2"] = "<u1" if len(skin.names) <= 256 else "<u2"  # a byte holds no more
     mesh["primitives"][0]["attributes"] |= {
-        "JOINTS_0": glb.add(numbers, index, use="vertices"),
+        "JOINTS_0": glb.add(np.where(single > 0.0, joints, 0), index, use="vertices"),
         "WEIGHTS_0": glb.add(single, use="vertices"),
     }
     return mesh

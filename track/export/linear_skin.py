@@ -157,8 +157,8 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
     for bone in along:
         names, hangs_on = [*names, *bone.helpers], hangs_on + [bone.base] * len(bone.helpers)
     at_rest, still = bone_frames(body, rest_theta(body)), {name: np.eye(4) for name in bones}
-    helpers = [span.frames(still) for span in spans] + [bone.frames(still) for bone in along]
-    rest = np.concatenate([np.array([at_rest[name] for name in bones]), *helpers])
+    placed = [span.frames(still) for span in spans] + [bone.frames(still) for bone in along]
+    rest = np.concatenate([np.array([at_rest[name] for name in bones]), *placed])
     index = tuple(None if name is None else bones.index(name) for name in hangs_on)
     return LinearSkin(body, tuple(names), index, rest, *_strongest(weights), tuple(spans), along)
 

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.derivatives import Motion
+
+Unsigned = NDArray[np.uint64]
 
 RIGID, TURNING, BENDING, CURVING = range(4)
 """The loops there are: skin rides on one bone; turns bit by bit from one bone to the next; swells meanwhile; or rides
@@ -39,31 +42,37 @@ class Layout:
 
 
 class BoundSkin(NamedTuple):
-    """V vertices at rest as each of D deformers wants them: see ``Layout``."""
+    """V vertices at rest as each of D deformers wants them: see ``Layout``.
+
+    E entries, vertex after vertex, tell of each deformer in which a vertex has a share.
+    """
 
     kind: Ints  # (D,)
     bones: Ints  # (D, 2)
-    weights: Floats  # (V, D)
-    local: Floats  # (D, V, 3): at rest; of what turns, in the blended frames, and of what curves, in those of the arc
-    t: Floats  # (D, V)
-    width: Floats  # (D, V) of a bend
     frame_rotation: Floats  # (D, 2, 3, 3): the two frames at rest; of a bend, the centre with no rotation
     frame_translation: Floats  # (D, 2, 3)
     axis: Floats  # (D, 3) of a bend
     length: Floats  # (D,) of an arc
+    runs: Unsigned  # (D, R, 2): from where to where columns of derivatives are that its bones vary by
+    flat: Unsigned  # (D, Q, 2): the same of rows of x, y and z one after the other
+    first: Ints  # (V + 1,): where the entries of a vertex begin; they end where the next one's begin
+    deformer: Ints  # (E,)
+    weight: Floats  # (E,)
+    local: Floats  # (E, 3): at rest; of what turns, in the blended frames, and of what curves, in those of the arc
+    t: Floats  # (E,)
+    width: Floats  # (E,) of a bend
 
 
 class Varying(NamedTuple):
-    """How V vertices at rest, as each of D deformers wants them, vary with m parameters of the body (``BoundSkin``).
+    """How V vertices at rest, as their deformers want them, vary with m parameters of the body (``BoundSkin``).
 
-    m is 0 where only the pose varies. Where a vertex has no weight, and where a kind of deformer has no such thing,
-    numbers have no meaning.
+    m is 0 where only the pose varies. Where a kind of deformer has no such thing, numbers have no meaning.
     """
 
     rest: Floats  # (V, 3, m)
-    local: Floats  # (D, V, 3, m) of what lies in frames between two bones
-    t: Floats  # (D, V, m)
-    width: Floats  # (D, V, m) of a bend
+    local: Floats  # (E, 3, m) of what lies in frames between two bones
+    t: Floats  # (E, m)
+    width: Floats  # (E, m) of a bend
     frame_rotation: Floats  # (D, 2, 3, m)
     frame_translation: Floats  # (D, 2, 3, m)
     axis: Floats  # (D, 3, m) of a bend

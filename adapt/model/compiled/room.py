@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
-from capture.compiled import compiled_sums
+from capture.compiled import compiled, compiled_sums
 
 
 class Room(NamedTuple):
@@ -15,6 +15,7 @@ class Room(NamedTuple):
 
     row: Ints  # (N,) which of the vertices at hand
     vertex: Ints  # (N,)
+    entry: Ints  # (N,) which of the skin's entries
     order: Ints  # (N,) 0, 1, 2 and so on
     share: Floats  # (N, 4): weight, t, sin(t angle), versine(t angle)
     squeeze: Floats  # (N, 3) of a bend: k by q . inward, k by the mitre, k - 1
@@ -31,7 +32,8 @@ def room_for(n: int, m: int) -> Room:
     squeeze, bare, arm, across, reach = np.zeros((5, n, 3))
     rotation, d_arm, order = np.zeros((n, 9)), np.zeros((n, 3, m)), np.arange(n)
     share = np.zeros((n, 4))
-    return Room(order.copy(), order.copy(), order, share, squeeze, bare, arm, across, reach, rotation, d_arm)
+    row, vertex, entry = order.copy(), order.copy(), order.copy()
+    return Room(row, vertex, entry, order, share, squeeze, bare, arm, across, reach, rotation, d_arm)
 
 
 @compiled_sums
@@ -44,3 +46,36 @@ def add_turned(r: Floats, x: Floats, vertex: Ints, row: Ints, count: int, d: Flo
             first, a, b, c = j * n + n - m, r[at, 3 * j], r[at, 3 * j + 1], r[at, 3 * j + 2]
             for k in range(m):
                 d[to, first + k] += a * x[i, 0, k] + b * x[i, 1, k] + c * x[i, 2, k]
+
+
+class Listed(NamedTuple):
+    """The entries of some vertices, deformer after deformer: those of one begin at ``first`` (D + 1,) of it."""
+
+    first: Ints
+    row: Ints  # (K,) which of the vertices at hand
+    entry: Ints  # (K,)
+
+
+def lists_for(n: int, deformers: int) -> Listed:
+    """Room for the entries of n vertices."""
+    return Listed(*(np.zeros(size, dtype=np.int64) for size in (deformers + 1, n * deformers, n * deformers)))
+
+
+@compiled
+def fill_lists(first: Ints, deformer: Ints, rows: Ints, listed: Listed) -> None:
+    """Lists the entries of some ``rows``, of which those of a vertex lie from its ``first`` on."""
+    begin, count = listed.first, len(listed.first) - 1
+    begin[:] = 0
+    for m in range(len(rows)):
+        for s in range(first[rows[m]], first[rows[m] + 1]):
+            begin[deformer[s] + 1] += 1
+    for e in range(count):
+        begin[e + 1] += begin[e]
+    for m in range(len(rows)):
+        for s in range(first[rows[m]], first[rows[m] + 1]):
+            at = begin[deformer[s]]
+            listed.row[at], listed.entry[at] = m, s
+            begin[deformer[s]] += 1
+    for e in range(count, 0, -1):
+        begin[e] = begin[e - 1]
+    begin[0] = 0
