@@ -18,7 +18,7 @@ from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
-from adapt.fit.posterior import deviations
+from adapt.fit.posterior import OF_PEOPLE, deviations
 from adapt.fit.stated_person import person_report
 from adapt.match.skin_sample import SkinSample, sample_skin
 from adapt.model.body import Body
@@ -41,7 +41,7 @@ from adapt.search.own_side import keeps_to_its_side
 from adapt.search.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
 from adapt.search.search_journal import FoundPoses
 from adapt.stages import CHOICE, SIDE, Progress
-from adapt.subject import Subject
+from adapt.subject import WIDENED, Subject
 from capture.errors import FitError
 from capture.journal import Journal
 from capture.recording import Recording, instants, refuse_useless_depth
@@ -228,6 +228,7 @@ def _subject(
         "side": None if side is None else {**asdict(side), "support_nats": side.support, "told": side.told},
         "noise_mm": 1e3 * adaptation.noise_m,
         "unseen_noise_mm": None if adaptation.unseen_noise_m is None else 1e3 * adaptation.unseen_noise_m,
+        WIDENED: OF_PEOPLE,
         "scales": _scales(adaptation),
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],

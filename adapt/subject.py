@@ -24,6 +24,7 @@ from capture.own import arrays_of, replaced_if_own
 FORMAT = "bonetrack-subject"
 MARK = arrays_of(FORMAT)
 _USUAL = (0.88, 1.12)  # size against the template; grown-ups from about 1.55 to 1.97 m
+WIDENED = "body_deviations_times"  # in a report: how many times as wide as by the noise alone the body's deviations are
 _CONTRADICTED = 0.12  # a size that differs by more from the stated one is neither the person's nor the prior's
 # 1: the covariance is that of the shape alone; 3: holds the anatomy itself, if that is a user's own; 4: or a digest.
 VERSION = 4
@@ -84,6 +85,11 @@ def doubts(subject: Subject) -> list[str]:
         told.append(
             "its file does not say how near its skin came to the clouds it was adapted to, so a limb that is not the "
             "subject's is told less surely: look at it in `bonetrack view`"
+        )
+    if WIDENED not in subject.report:
+        told.append(
+            "its file was written when a body was taken to be less far off than other people's are: deviations stated "
+            "with it are narrower than they would be now, some by more than half; adapt it again"
         )
     return told
 
