@@ -112,13 +112,13 @@ class Deformer:
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers.
+    """A template limb or body, at rest. V skin vertices, P landmarks, H handles, D deformers.
 
     Compared by identity, so that what is prepared from an anatomy can be cached.
     """
 
     name: str
-    side: Literal["right", "left"]
+    side: Literal["right", "left", "both"]
     bones: tuple[Bone, ...]
     joints: tuple[Joint, ...]  # parents come before their children
     coordinates: tuple[Coordinate, ...]  # in the order of theta

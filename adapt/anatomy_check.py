@@ -56,8 +56,8 @@ def _parts(anatomy: Anatomy) -> Iterator[str]:
         ("deformers", [deformer.name for deformer in anatomy.deformers]),
     ):
         yield from _names(what, names)
-    if anatomy.side not in ("right", "left"):
-        yield f"its side is {anatomy.side!r}, neither 'right' nor 'left'"
+    if anatomy.side not in ("right", "left", "both"):
+        yield f"its side is {anatomy.side!r}, neither 'right', 'left' nor 'both'"
     for handle in anatomy.handles:
         anatomy.bone(handle.bone)
         if len(handle.position) != 3 or not np.isfinite(handle.position).all():

@@ -164,20 +164,14 @@ class Cushion:
     radius: float
 
 
-@dataclass(frozen=True)
-class LimbPlan:
-    """All of it. ``facts`` are (what, from where) and ``notes`` a paragraph of choices, both for the record."""
+@dataclass(frozen=True, kw_only=True)
+class AnatomyPlan:
+    """What every anatomy's plan states. ``facts`` are (what, from where) and ``notes`` a paragraph of choices."""
 
     name: str
-    side: Literal["right", "left"]
+    side: Literal["right", "left", "both"]
     facts: tuple[tuple[str, str], ...]
     notes: str
-    skin: SkinPlan
-    bodies: tuple[str, ...]
-    without: tuple[str, ...]  # meshes of those bodies that are left out
-    pieces: tuple[Piece, ...]  # bodies that are taken apart
-    follows: dict[str, Follow]  # bodies that follow a table instead of their hinges
-    shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
     bones: tuple[BonePlan, ...]
     points: tuple[PointPlan, ...]
     axes: tuple[AxisPlan, ...]
@@ -189,8 +183,21 @@ class LimbPlan:
     deformers: tuple[Deformer, ...]
     held: tuple[HeldPart, ...]
     cushions: tuple[Cushion, ...]  # bones that are not named hold along their whole length
-    fit_near_cut: tuple[tuple[float, ...], tuple[float, ...]]  # distance from the cut (m), weight
     fit_ramps: tuple[RampPlan, ...]
     spots: tuple[Spot, ...]  # where bones lie just under the skin
     clearance: dict[str, float]  # how near (m) to the skin any vertex of a bone, by name, may come
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimbPlan(AnatomyPlan):
+    """All of a limb, which is cut off the source's skin and of which one source skeleton is posed at once."""
+
+    side: Literal["right", "left"]
+    skin: SkinPlan
+    bodies: tuple[str, ...]
+    without: tuple[str, ...]  # meshes of those bodies that are left out
+    pieces: tuple[Piece, ...]  # bodies that are taken apart
+    follows: dict[str, Follow]  # bodies that follow a table instead of their hinges
+    shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
+    fit_near_cut: tuple[tuple[float, ...], tuple[float, ...]]  # distance from the cut (m), weight
     pose: Callable[[SourceSkeleton, SourceSkin, Mesh], tuple[dict[str, float], dict[str, Placement]]]

@@ -41,6 +41,10 @@ class Placement:
         """Place points (N, 3) or (3,) of the body's frame."""
         return np.asarray((points * self.scale) @ self.rotation.T + self.translation)
 
+    def inverse(self, points: Floats) -> Floats:
+        """The points (N, 3) or (3,) of the body's frame that go there."""
+        return np.asarray(((points - self.translation) @ self.rotation) / self.scale)
+
     def direction(self, direction: Floats) -> Floats:
         """Place a unit direction (3,) of the body's frame, stretched as the body is."""
         placed = self.rotation @ (self.scale * direction)
