@@ -34,7 +34,7 @@ from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unrea
 
 FORMAT = "bonetrack-anatomy"
 _TEMPLATES = Path(str(resources.files("adapt") / "templates"))
-VERSION = 2  # 2: ball and spline joints, bend deformers
+VERSION = 3  # 2: ball and spline joints, bend deformers; 3: bones along a curve
 
 
 def save_anatomy(anatomy: Anatomy, path: Path) -> None:
@@ -59,7 +59,7 @@ def anatomy_description(anatomy: Anatomy) -> dict[str, Any]:
     """
     return {
         "format": FORMAT,
-        "version": VERSION,
+        "version": _version(anatomy),
         "name": anatomy.name,
         "side": anatomy.side,
         "bones": [{"name": bone.name, "frame": asdict(bone.frame)} for bone in anatomy.bones],
@@ -193,10 +193,7 @@ def _check_format(description: Any, path: Path) -> None:
 
 
 def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
-    bones = tuple(
-        Bone(b["name"], _frame(b["frame"]), *(arrays[f"bone/{b['name']}/{part}"] for part in BONE_ARRAYS))
-        for b in description["bones"]
-    )
+    bones = tuple(_bone(b["name"], _frame(b["frame"]), arrays) for b in description["bones"])
     return Anatomy(
         name=description["name"],
         side=description["side"],
@@ -212,6 +209,15 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
         },
         **{name: arrays[name] for name in ARRAYS},
     )
+
+
+def _bone(name: str, frame: Frame, arrays: dict[str, Any]) -> Bone:
+    return Bone(name, frame, *(arrays[f"bone/{name}/{part}"] for part in BONE_ARRAYS), arrays.get(f"bone/{name}/along"))
+
+
+def _version(anatomy: Anatomy) -> int:
+    """The first version that reads it: so files and digests of anatomies that need no later one stay as they were."""
+    return VERSION if any(bone.along is not None for bone in anatomy.bones) else 2
 
 
 def _frame(parts: dict[str, list[str]]) -> Frame:

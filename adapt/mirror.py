@@ -114,7 +114,7 @@ def _turned_over(corners: Ints) -> Ints:
 
 def _bone(bone: Bone) -> Bone:
     frame, vertices = mirrored_frame(bone.frame), mirrored_points(bone.vertices)
-    return Bone(bone.name, frame, vertices, _turned_over(bone.faces), bone.handle_weights)
+    return replace(bone, frame=frame, vertices=vertices, faces=_turned_over(bone.faces))
 
 
 def _handle(handle: Handle) -> Handle:

@@ -21,7 +21,6 @@ import numpy as np
 from adapt.anatomy import Deformer, Floats, Ints
 from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest_theta
 from adapt.model.deformers import DEFORMER_TYPES, Bound, DeformerType, bone_shares
-from adapt.model.deformers.between import blended_frames
 from adapt.model.derivatives import Motion, compose
 
 STEPS = 8
@@ -56,6 +55,8 @@ class _Span:
     """
 
     bones: tuple[str, str]
+    kind: DeformerType
+    bound: Bound
     ends: tuple[Motion, Motion]
     t: Floats
     swelling: _Swelling | None
@@ -64,7 +65,7 @@ class _Span:
         """The helper joints' frames (N, 4, 4), twins last, where the bones have moved by ``transforms`` (4, 4)."""
         first, second = motions = _motions(self.bones, transforms)
         moved = (compose(first, self.ends[0]), compose(second, self.ends[1]))
-        between = blended_frames(*moved, self.t, np.zeros((len(self.t), 0)))
+        between = self.kind.between(self.bound, *moved, self.t)
         frames = np.tile(np.eye(4), (len(self.t), 1, 1))
         frames[:, :3, :3], frames[:, :3, 3] = between.rotation, between.origin
         if self.swelling is None:
@@ -125,7 +126,7 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
     ):
         kind = DEFORMER_TYPES[deformer.type]
         rides = bone_shares(deformer, bound)
-        ends = kind.turning_frames(body.anatomy, deformer.frames, body.p, bound)
+        ends = kind.turning_frames(body.anatomy, deformer, body.p, bound)
         if ends is None:
             for name, part in rides.items():
                 weights[:, bones.index(name)] += share * part
@@ -178,7 +179,7 @@ def _span(
         rows = np.flatnonzero((share > 0.0) & (share < 1.0) & (weight > 0.0))
         swell = _swelling(body, (first, second), kind, bound.at(rows), thetas)
         twin[rows] = swell.share
-    return _Span((first, second), ends, np.arange(1, steps) / steps, swell), twin
+    return _Span((first, second), kind, bound, ends, np.arange(1, steps) / steps, swell), twin
 
 
 def _swelling(body: Body, bones: tuple[str, str], kind: DeformerType, bound: Bound, thetas: Floats) -> _Swelling:
