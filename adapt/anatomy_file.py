@@ -27,7 +27,7 @@ from adapt.anatomy import (
     anatomy_arrays,
 )
 from adapt.anatomy_check import refuse_unsound
-from adapt.mirror import mirrored, mirrored_name
+from adapt.mirror import mirrored, mirrored_name, tells_side
 from adapt.model.parts import refuse_wrong_parts
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
@@ -151,13 +151,13 @@ def _load_shipped(name: str) -> Anatomy:
 
 
 def anatomy_names() -> list[str]:
-    """Names of all anatomies that ship with the package, with their mirror images.
+    """Names of all anatomies that ship with the package, with the mirror images of those of one side.
 
     >>> anatomy_names()
     ['lower-limb-left', 'lower-limb-right', 'upper-limb-left', 'upper-limb-right']
     """
     names = {path.stem for path in _TEMPLATES.glob("*.npz")}
-    return sorted(names | {mirrored_name(name) for name in names})
+    return sorted(names | {mirrored_name(name) for name in names if tells_side(name)})
 
 
 def read_anatomy(source: Path | IO[bytes], *, where: Path) -> Anatomy:

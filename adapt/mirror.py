@@ -25,6 +25,7 @@ from adapt.model.body import Body, make_body
 from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.frames import mirrored_frame
 from adapt.model.joints import JOINT_TYPES
+from capture.errors import AnatomyError
 
 _OTHER = {"right": "left", "left": "right"}
 _MIRRORED = "-mirrored"
@@ -34,12 +35,17 @@ _SIGNS = np.array([1.0, 1.0, -1.0])
 def mirrored(anatomy: Anatomy) -> Anatomy:
     """The same limb of the other side. Names stay, but for coordinates whose OpenSim name tells the side.
 
+    Raises:
+        AnatomyError: the anatomy has both sides, so that its image is itself.
+
     >>> from adapt.anatomy_file import load_anatomy
     >>> right = load_anatomy("lower-limb-right")
     >>> left = mirrored(right)
     >>> left.name, left.coordinates[right.coordinate_index("knee_angle_r")].name
     ('lower-limb-left', 'knee_angle_l')
     """
+    if anatomy.side == "both":
+        raise AnatomyError("an anatomy of both sides has no other side", where=anatomy.name, remedy="use it as it is")
     return Anatomy(
         name=mirrored_name(anatomy.name),
         side="left" if anatomy.side == "right" else "right",
@@ -84,6 +90,15 @@ def mirrored_name(name: str) -> str:
     if side in _OTHER:
         return stem + dash + _OTHER[side]
     return name.removesuffix(_MIRRORED) if name.endswith(_MIRRORED) else name + _MIRRORED
+
+
+def tells_side(name: str) -> bool:
+    """Whether a limb's name says which side it is of.
+
+    >>> tells_side("upper-limb-right"), tells_side("body")
+    (True, False)
+    """
+    return name.rpartition("-")[2] in _OTHER
 
 
 def mirrored_coordinate(name: str) -> str:

@@ -80,7 +80,7 @@ Tetrahedra: {tets}.
 
 | check | measured | limit | unit |
 |---|---|---|---|
-{chr(10).join(_row(check) for check in checks)}
+{chr(10).join(check_row(check) for check in checks)}
 """
 
 
@@ -114,6 +114,7 @@ def _depth_row(spot: Spot, depth: float) -> str:
     return f"| {spot.name} | {1e3 * depth:.1f} | {1e3 * spot.low:.1f} to {1e3 * spot.high:.1f} | {spot.source} |"
 
 
-def _row(check: Check) -> str:
+def check_row(check: Check) -> str:
+    """A check as a row of the record's table."""
     sign = "at least" if check.least else "at most"
     return f"| {check.name} | {check.measured:.4g} | {sign} {check.limit:.4g} | {check.unit} |"

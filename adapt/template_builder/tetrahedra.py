@@ -16,6 +16,7 @@ from capture.errors import AnatomyError
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+_SMALLEST = 0.02  # of the tetrahedra that were there: what one may shrink to when a corner is moved
 _NEIGHBOURS = 24  # tetrahedra with the nearest middles, among which a point's own is looked for
 
 
@@ -56,7 +57,6 @@ def with_corners_at(mesh: TetMesh, points: Floats, *, within: float) -> tuple[Te
     Raises AnatomyError when no corner within ``within`` (m) of a point can be moved there.
     """
     moved, chosen = mesh.points.copy(), []
-    smallest = 0.02 * float(np.median(mesh.volumes()))
     for point in points:
         order = np.argsort(np.linalg.norm(moved - point, axis=1))[:30]
         for corner in order:
@@ -65,7 +65,8 @@ def with_corners_at(mesh: TetMesh, points: Floats, *, within: float) -> tuple[Te
             before = moved[corner].copy()
             moved[corner] = point
             around = mesh.tets[np.any(mesh.tets == corner, axis=1)]
-            if TetMesh(moved, around).volumes().min() > smallest:
+            usual = float(np.median(TetMesh(mesh.points, around).volumes()))
+            if TetMesh(moved, around).volumes().min() > _SMALLEST * usual:
                 chosen.append(int(corner))
                 break
             moved[corner] = before
