@@ -15,6 +15,7 @@ from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.skin import Cut, cut_off
 from adapt.template_builder.sources_makehuman import SourceSkin
 from adapt.template_builder.stages import Stages
+from adapt.template_builder.tetrahedra import evaluate, on_grid
 from adapt.template_builder.two_sides import left_name, with_left_coordinates, with_left_joints
 from capture.rigid import exp_so3
 
@@ -154,3 +155,13 @@ def test_the_trunk_has_no_relief_on_its_breastbone_and_a_neck_of_seven_vertebrae
     assert len(heights) == 7
     assert all(len(skeleton.bodies[name].vertices) >= 142 for name in CERVICAL)
     assert joined(parts).volume() > 5e-4
+
+
+def test_tetrahedra_on_a_grid_hold_the_surface_are_positive_and_come_out_the_same():
+    surface = ball(0.06)
+    mesh = on_grid(surface, edge=0.015)
+    assert mesh.volumes().min() > 0.0
+    assert mesh.volumes() == pytest.approx(0.015**3 / 6.0)
+    np.testing.assert_array_equal(mesh.points, on_grid(surface, edge=0.015).points)
+    reached = evaluate(mesh, mesh.points, surface.vertices)  # the places themselves, interpolated: exact inside
+    np.testing.assert_allclose(reached, surface.vertices, atol=1e-9)

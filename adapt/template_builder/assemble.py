@@ -63,9 +63,7 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
     say("tetrahedra: " + ", ".join(f"{name} {len(mesh.tets)}" for name, mesh in tets.items()))
 
     bones = _bones(plan, surfaces, tets, handles, heads)
-    tets["limb"], handle_weights = weights_of_handles(
-        tets["limb"], heads, [*range(len(heads))], within=plan.skin.tet_edge
-    )
+    tets["limb"], by_handle = weights_of_handles(tets["limb"], heads, [*range(len(heads))], within=plan.skin.tet_edge)
     deformer_weights = weights_of_deformers(tets["limb"], plan, inside, places)
     say("weights")
 
@@ -79,10 +77,10 @@ def build_anatomy(plan: LimbPlan, say: Say) -> tuple[Anatomy, dict[str, float]]:
         deformers=plan.deformers,
         landmark_names=names,
         landmarks=landmarks,
-        landmark_handle_weights=evaluate(tets["limb"], handle_weights, landmarks),
+        landmark_handle_weights=evaluate(tets["limb"], by_handle, landmarks),
         skin_vertices=skin.vertices,
         skin_faces=skin.faces,
-        skin_handle_weights=evaluate(tets["limb"], handle_weights, skin.vertices),
+        skin_handle_weights=evaluate(tets["limb"], by_handle, skin.vertices),
         deformer_weights=evaluate(tets["limb"], deformer_weights, skin.vertices),
         fit_weight=_fit_weight(plan, skin.vertices, is_cap, places),
         tetrahedra={name: (mesh.points, mesh.tets) for name, mesh in tets.items()},

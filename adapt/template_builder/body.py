@@ -20,31 +20,40 @@ from adapt.template_builder.lower_limb_bones import ANKLE
 from adapt.template_builder.lower_limb_pose import METATARSAL_HEADS
 from adapt.template_builder.plan import AnatomyPlan, HandlePlan, HeldPart, PointPlan, RampPlan
 
-COUNT, TET_EDGE = 14000, 0.024
+COUNT, TET_EDGE = 14000, 0.030
 FINER = (
     Finer("r-hand", "r-finger-3-1", 1.9, (-0.02, 0.03)),
     Finer("r-ankle", "r-foot-1", 1.6, (-0.03, 0.03)),
     Finer("neck", "head-2", 1.35, (0.0, 0.06)),
 )
+# Tetrahedra, too, are smaller there: with longer fades, which leave them all positive.
+TET_FINER = (
+    Finer("r-hand", "r-finger-3-1", 1.8, (-0.05, 0.07)),
+    Finer("r-ankle", "r-foot-1", 1.8, (-0.08, 0.05)),
+)
 
 
-def _at(body: str, *points: tuple[float, float, float]) -> tuple[PointPlan, ...]:
-    return tuple(PointPlan("", body, "at", point) for point in points)
+def _at(body: str, point: tuple[float, float, float]) -> PointPlan:
+    return PointPlan("", body, "at", point)
+
+
+def _each(body: str, *points: tuple[float, float, float]) -> tuple[PointPlan, ...]:
+    return tuple(_at(body, point) for point in points)
 
 
 _LEG = {handle.name: handle for handle in leg.HANDLES}
 _ARM = {handle.name: handle for handle in arm.HANDLES}
 
 HANDLES = (
-    HandlePlan("pelvis_lumbar", "pelvis", "lumbosacral", *_at("sacrum", (-0.098, 0.045, 0.0))),
+    HandlePlan("pelvis_lumbar", "pelvis", "lumbosacral", _at("sacrum", (-0.098, 0.045, 0.0))),
     replace(_LEG["pelvis_distal"], name="pelvis_hip_r", joint="hip_r"),
     HandlePlan("lumbar_low", "lumbar", "lumbosacral", PointPlan("", "lumbar5", "middle", within=(0, -0.015, 0.1))),
     HandlePlan("lumbar_high", "lumbar", "thoracolumbar", PointPlan("", "lumbar1", "middle", within=(0, -0.015, 0.1))),
-    HandlePlan("thorax_low", "thorax", "thoracolumbar", *_at("thorax", (-0.008, 0.018, 0.0))),
-    HandlePlan("thorax_high", "thorax", "cervicothoracic", *_at("thorax", (-0.014, 0.270, 0.0))),
-    HandlePlan("thorax_SC_r", "thorax", "SC_r", *_at("thorax", (0.0410, 0.2400, 0.0100))),
+    HandlePlan("thorax_low", "thorax", "thoracolumbar", _at("thorax", (-0.008, 0.018, 0.0))),
+    HandlePlan("thorax_high", "thorax", "cervicothoracic", _at("thorax", (-0.014, 0.270, 0.0))),
+    HandlePlan("thorax_SC_r", "thorax", "SC_r", _at("thorax", (0.0410, 0.2400, 0.0100))),
     HandlePlan("head_low", "head", "cervicothoracic", PointPlan("", "c7", "middle", within=(0, -0.015, 0.1))),
-    HandlePlan("head_high", "head", "skull", *_at("head", (-0.01, 0.0, 0.0)), also=_at("head", (0.0, 0.14, 0.0))),
+    HandlePlan("head_high", "head", "skull", _at("head", (-0.01, 0.0, 0.0)), also=_each("head", (0.0, 0.14, 0.0))),
     HandlePlan("clavicle_proximal", "clavicle", "SC", PointPlan("", "clavicle_r", "middle", within=(2, -0.01, 0.02))),
     HandlePlan(
         "clavicle_distal", "clavicle", "shoulder", PointPlan("", "clavicle_r", "middle", within=(2, 0.105, 0.2))
@@ -54,21 +63,21 @@ HANDLES = (
         "scapula_lateral",
         "scapula",
         "shoulder",
-        *_at("scapula_r", (-0.0350, -0.0371, -0.0162)),
-        also=_at("scapula_r", (-0.0205, -0.0031, -0.0004), (-0.1004, -0.1047, -0.0740), (-0.0795, -0.0303, -0.0852)),
+        _at("scapula_r", (-0.0350, -0.0371, -0.0162)),
+        also=_each("scapula_r", (-0.0205, -0.0031, -0.0004), (-0.1004, -0.1047, -0.0740), (-0.0795, -0.0303, -0.0852)),
     ),
     *(_ARM[name] for name in ("humerus_proximal", "humerus_distal", "ulna_proximal", "ulna_distal")),
     *(_ARM[name] for name in ("radius_proximal", "radius_distal", "hand_proximal", "hand_distal")),
     *(_LEG[name] for name in ("femur_proximal", "femur_distal", "tibia_proximal")),
     *(_LEG[name] for name in ("patella_proximal", "patella_distal", "tibia_distal")),
-    HandlePlan("talus_middle", "talus", "ankle", *_at("talus_r", (0.0076, 0.0014, 0.0054))),
-    HandlePlan("calcn_proximal", "calcn", "ankle", *_at("calcn_r", (0.0400, 0.0180, -0.0030))),
+    HandlePlan("talus_middle", "talus", "ankle", _at("talus_r", (0.0076, 0.0014, 0.0054))),
+    HandlePlan("calcn_proximal", "calcn", "ankle", _at("calcn_r", (0.0400, 0.0180, -0.0030))),
     HandlePlan(
         "calcn_distal",
         "calcn",
         "mtp",
-        *_at("calcn_r", METATARSAL_HEADS[2]),
-        also=_at("calcn_r", *(METATARSAL_HEADS[k] for k in (1, 3, 4, 5))),
+        _at("calcn_r", METATARSAL_HEADS[2]),
+        also=_each("calcn_r", *(METATARSAL_HEADS[k] for k in (1, 3, 4, 5))),
     ),
     HandlePlan("toes_proximal", "toes", "mtp", PointPlan("", "toe2", "middle")),
 )

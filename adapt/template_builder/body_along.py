@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adapt.anatomy import Anatomy, Bone
 from adapt.model.deformers import bind
+from adapt.model.deformers.curve import BoundCurve
 from adapt.model.derivatives import constant_points, still_points
 from adapt.template_builder.body_trunk import CERVICAL
 
@@ -33,6 +34,7 @@ def riding_along(anatomy: Anatomy) -> tuple[Bone, ...]:
             made.append(bone)
             continue
         bound = bind(anatomy, shares[bone.name], p, still_points(bone.vertices))
+        assert isinstance(bound, BoundCurve)
         made.append(replace(bone, along=_whole(bone, bound.s)))
     return tuple(made)
 

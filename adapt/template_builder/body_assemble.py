@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from adapt.mirror import mirrored_points
 from adapt.template_builder import bones as bones_module
 from adapt.template_builder import meshes, skin_depth, skinning, tetrahedra, weights
 from adapt.template_builder.assemble import Say, at_rest, timed
-from adapt.template_builder.body import BLADE, BODY, COUNT, FINER, SHOULDER, SPINE, TET_EDGE
+from adapt.template_builder.body import BLADE, BODY, COUNT, FINER, SHOULDER, SPINE, TET_EDGE, TET_FINER
 from adapt.template_builder.body_along import riding_along
 from adapt.template_builder.body_bones import MIDDLE
 from adapt.template_builder.body_rest import arc_at_rest, arm_at_rest, blade_at_rest
@@ -26,7 +27,7 @@ from adapt.template_builder.meshes import Mesh
 from adapt.template_builder.skin_depth import at_depths
 from adapt.template_builder.skinning import along_line, bone_weights, handles_of, heads_of, weights_of_handles
 from adapt.template_builder.stages import Stages
-from adapt.template_builder.tetrahedra import TetMesh, evaluate, tetrahedralised
+from adapt.template_builder.tetrahedra import TetMesh, evaluate, on_grid
 from adapt.template_builder.two_sides import (
     images,
     left_bone,
@@ -43,7 +44,6 @@ from adapt.template_builder.two_sides import (
 
 Floats = NDArray[np.float64]
 
-_BONE_EPSILON, _SKIN_EPSILON = 0.0006, 0.001  # m, as of the limbs
 _LEAST_WEIGHT = 1e-3  # of a handle far off: zero, so that files stay small
 name = right_name(MIDDLE)
 
@@ -77,27 +77,14 @@ def build_body(say: Say, stages: Stages) -> tuple[Anatomy, PosedBody]:
     bones = _bones(surfaces, inside, handles, stages)
     say("bones' weights")
 
-    volume = stages.kept("tetrahedra", (skin, TET_EDGE, FINER, tetrahedra), lambda: _filled(skin, body))
-    say(f"tetrahedra: {len(volume.tets)}")
-    volume, by_handle = stages.kept(
-        "handles",
-        (volume.points, *handles.heads, skinning, weights),
-        lambda: weights_of_handles(volume, handles.heads, [*range(len(handles.heads))], within=TET_EDGE),
-    )
-    say("handles' weights")
+    volume, by_handle = _influence(body, handles, stages)
+    say(f"handles' weights in {len(volume.tets)} tetrahedra")
     names, landmarks = _both_sides(places)
     deformers = with_left_deformers(tuple(named_deformer(deformer, name) for deformer in BODY.deformers))
     cores = inside | trunk_cores(body)
     by_deformer = core_weights(volume, cores, dict(zip(names, landmarks, strict=True)), deformers, stages)
     say("deformers' weights")
-
-    joints = (
-        *(named_joint(joint, name) for joint in BODY.joints if joint.type != "spline"),
-        *(named_joint(spline.joint(np.asarray)[0], name) for spline in BODY.splines),
-    )
-    joints = with_left_joints(_in_order(joints))
-    at_skin = _alike(skin, evaluate(volume, by_handle, skin.vertices), images(tuple(h.name for h in handles.all)))
-    on_skin = _alike(skin, evaluate(volume, by_deformer, skin.vertices), images(tuple(d.name for d in deformers)))
+    joints = with_left_joints(_in_order(_joints()))
     anatomy = Anatomy(
         name=BODY.name,
         side="both",
@@ -111,12 +98,30 @@ def build_body(say: Say, stages: Stages) -> tuple[Anatomy, PosedBody]:
         landmark_handle_weights=_sparse(evaluate(volume, by_handle, landmarks)),
         skin_vertices=skin.vertices,
         skin_faces=skin.faces,
-        skin_handle_weights=at_skin,
-        deformer_weights=on_skin,
+        skin_handle_weights=_alike(skin, volume, by_handle, [handle.name for handle in handles.all]),
+        deformer_weights=_alike(skin, volume, by_deformer, [deformer.name for deformer in deformers]),
         fit_weight=_fit_weight(skin.vertices, dict(zip(names, landmarks, strict=True))),
         tetrahedra={"limb": (volume.points, volume.tets)},
     )
     return replace(anatomy, bones=riding_along(anatomy)), body
+
+
+def _influence(body: PosedBody, handles: Handles, stages: Stages) -> tuple[TetMesh, Floats]:
+    """The body's tetrahedra with corners at the handles, and the handles' weights (N, H) at all corners."""
+    volume = stages.kept("tetrahedra", (body.skin, TET_EDGE, TET_FINER, tetrahedra), lambda: _filled(body))
+    every = [*range(len(handles.heads))]
+    return stages.kept(
+        "handles",
+        (volume.points, *handles.heads, skinning, weights),
+        lambda: weights_of_handles(volume, handles.heads, every, within=TET_EDGE, exact=False),
+    )
+
+
+def _joints() -> tuple[Joint, ...]:
+    """The joints of the right side and the middle; a knee's tables are met by landmarks that are placed elsewhere."""
+    splines = (spline.joint(np.asarray)[0] for spline in BODY.splines)
+    joints = (*(joint for joint in BODY.joints if joint.type != "spline"), *splines)
+    return tuple(named_joint(joint, name) for joint in joints)
 
 
 def _surfaces(body: PosedBody) -> tuple[dict[str, Mesh], dict[str, Mesh]]:
@@ -199,18 +204,18 @@ def _bones(surfaces: dict[str, Mesh], inside: dict[str, Mesh], handles: Handles,
         own = name(plan.name)
         surface = surfaces[own]
         heads = [points for points, handle in zip(handles.heads, handles.all, strict=True) if handle.bone == own]
-        tets = stages.kept(
-            f"tetrahedra-{own}",
-            (inside[own], plan.tet_edge),
-            lambda p=plan, n=own: tetrahedralised(inside[n], edge=p.tet_edge, epsilon=_BONE_EPSILON),
-        )
+        tets = on_grid(inside[own], edge=plan.tet_edge)
         shares = stages.kept(
             f"weights-{own}",
             (surface, tets.points, *heads, skinning, weights),
-            lambda n=own, s=surface, t=tets: bone_weights(n, s, t, handles.all, handles.heads)[1],
+            partial(_weights_of, plan.tet_edge, own, surface, tets, handles),
         )
         made.append(Bone(own, named_frame(plan.frame, name), surface.vertices, surface.faces, _sparse(shares)))
     return (*made, *(left_bone(bone, swap) for bone in made if left_name(bone.name) != bone.name))
+
+
+def _weights_of(edge: float, bone: str, surface: Mesh, tets: TetMesh, handles: Handles) -> Floats:
+    return bone_weights(bone, surface, tets, handles.all, handles.heads, within=edge, exact=False)[1]
 
 
 def _at_depths(body: PosedBody, surfaces: dict[str, Mesh], places: dict[str, Floats]) -> Mesh:
@@ -232,16 +237,17 @@ def _at_depths(body: PosedBody, surfaces: dict[str, Mesh], places: dict[str, Flo
     return Mesh(vertices, moved.faces)
 
 
-def _filled(skin: Mesh, body: PosedBody) -> TetMesh:
-    """The skin filled with tetrahedra: in a space where hands and feet are large, so that theirs are small."""
-    large = Mesh(stretched(skin.vertices, body.rig, FINER), skin.faces)
-    filled = tetrahedralised(large, edge=TET_EDGE, epsilon=_SKIN_EPSILON)
-    return TetMesh(unstretched(filled.points, body.rig, FINER), filled.tets)
+def _filled(body: PosedBody) -> TetMesh:
+    """Tetrahedra around the skin as drawn: in a space where hands and feet are large, so that theirs are small."""
+    large = Mesh(stretched(body.skin.vertices, body.rig, TET_FINER), body.skin.faces)
+    filled = on_grid(large, edge=TET_EDGE)
+    return TetMesh(unstretched(filled.points, body.rig, TET_FINER), filled.tets)
 
 
-def _alike(skin: Mesh, shares: Floats, swap: NDArray[np.int64]) -> Floats:
-    """Weights (V, K) of the skin that are the same on both sides: means of each and its image's."""
-    return _sparse(0.5 * (shares + shares[other_side(skin.vertices)][:, swap]))
+def _alike(skin: Mesh, volume: TetMesh, shares: Floats, names: list[str]) -> Floats:
+    """Weights (V, K) of the skin by names, from (N, K) at corners, alike on both sides: means of each and its image."""
+    at_skin = evaluate(volume, shares, skin.vertices)
+    return _sparse(0.5 * (at_skin + at_skin[other_side(skin.vertices)][:, images(tuple(names))]))
 
 
 def _sparse(shares: Floats) -> Floats:
@@ -254,8 +260,9 @@ def _fit_weight(skin: Floats, landmarks: dict[str, Floats]) -> Floats:
     """How much skin vertices (V,) count in fitting: little at fingers and toes, which the model holds still."""
     weight = np.ones(len(skin))
     for ramp in BODY.fit_ramps:
-        for side in (lambda n: name(n), lambda n: left_name(name(n))):
-            start, end = landmarks[side(ramp.start)], landmarks[side(ramp.end)]
+        ends = (name(ramp.start), name(ramp.end))
+        for first, last in (ends, map(left_name, ends)):
+            start, end = landmarks[first], landmarks[last]
             near = np.linalg.norm(skin - start, axis=1) < 0.35
             weight = weight * np.where(near, np.interp(along_line(skin, start, end), ramp.at, ramp.values), 1.0)
     return weight
@@ -263,7 +270,9 @@ def _fit_weight(skin: Floats, landmarks: dict[str, Floats]) -> Floats:
 
 def _in_order(joints: tuple[Joint, ...]) -> tuple[Joint, ...]:
     """Parents before their children."""
-    placed, ordered, left = {None}, [], list(joints)
+    placed: set[str | None] = {None}
+    ordered: list[Joint] = []
+    left = list(joints)
     while left:
         joint = next(j for j in left if j.parent in placed and (j.other is None or j.other in placed))
         left.remove(joint)

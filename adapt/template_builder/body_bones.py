@@ -111,7 +111,7 @@ _HIPS = ("HJC_l",), ("HJC_r",)
 
 
 def _middle(name: str, bodies: tuple[str, ...], count: int, blur: float, frame: Frame) -> BonePlan:
-    return BonePlan(name, bodies, count=count, spacing=0.002, blur=blur, envelope=_HULL, tet_edge=0.012, frame=frame)
+    return BonePlan(name, bodies, count=count, spacing=0.002, blur=blur, envelope=_HULL, tet_edge=0.020, frame=frame)
 
 
 BONES = (

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from adapt.anatomy import Anatomy, Joint
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
 from adapt.model.derivatives import constant_points
-from adapt.model.joints import JOINT_TYPES
+from adapt.model.frames import frame_from_landmarks
 from adapt.model.kinematics import bone_motions
 from adapt.model.shape.handle_space import affine_set
 from adapt.template_builder.body import BODY
@@ -176,7 +176,7 @@ def raised_arm(body: Body, elevation: float, plane: float, turn: float = 0.0) ->
     p = constant_points(body.p.value, len(theta))
     moved = bone_motions(anatomy, theta, p)["scapula_r"].rotation
     joint = anatomy.joint("shoulder_r")
-    frame = JOINT_TYPES["socket"].frame(anatomy, joint, p).rotation
+    frame = frame_from_landmarks(anatomy, joint.frames[0], p).rotation
     index = [anatomy.coordinate_index(name) for name in joint.coordinates]
     theta[index] = log_so3((moved @ frame).T @ humerus)
     return theta

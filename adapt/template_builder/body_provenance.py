@@ -52,19 +52,7 @@ Shape targets and their weights: {targets}; the body scaled to a stature of {SKI
 
 ## What was changed
 
-- Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; mouth, throat and eye sockets
-  filled (what a ball of 6 mm cannot reach from outside); {len(anatomy.skin_vertices)} vertices, finer at hands, feet
-  and face; the left half is the mirror image of the right; moved along its normals until limb bones lie as deep as
-  people's.
-- Bones: arm and leg stand as in the limbs' templates. The pelvis turns about the thighs' heads until the sacrum has
-  room; vertebrae bend as arcs; the relief on the source's breastbone is left out; the left side is the right one's
-  mirror image.
-- The spine's three curves are as bent at rest as their vertebrae stand in this skin. Vertebrae, ribs and breastbone
-  ride on shares of them: a vertebra as a whole, ribs and breastbone vertex by vertex, as the skin before them does.
-- A curve's extension is its whole turn backward: zero is straight, and its range is CompleteHumanModel's about the rest
-  value.
-- Weights and tetrahedra were computed by this program; weights below 0.001 are left out.
-
+{_changes(anatomy)}
 Rest pose (degrees; the left is alike): {rest}.
 
 Scales: {", ".join(f"{name.removeprefix('log_')} {value:.3f}" for name, value in scales.items())}.
@@ -77,4 +65,21 @@ Tetrahedra: {len(anatomy.tetrahedra["limb"][1])}.
 | check | measured | limit | unit |
 |---|---|---|---|
 {chr(10).join(check_row(check) for check in checks)}
+"""
+
+
+def _changes(anatomy: Anatomy) -> str:
+    return f"""\
+- Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; mouth, throat and eye sockets
+  filled (what a ball of 6 mm cannot reach from outside); {len(anatomy.skin_vertices)} vertices, finer at hands, feet
+  and face; the left half is the mirror image of the right; moved along its normals until limb bones lie as deep as
+  people's.
+- Bones: arm and leg stand as in the limbs' templates. The pelvis turns about the thighs' heads until the sacrum has
+  room; vertebrae bend as arcs; the relief on the source's breastbone is left out; the left side is the right one's
+  mirror image.
+- The spine's three curves are as bent at rest as their vertebrae stand in this skin. Vertebrae, ribs and breastbone
+  ride on shares of them: a vertebra as a whole, ribs and breastbone vertex by vertex, as the skin before them does.
+- A curve's extension is its whole turn backward: zero is straight, and its range is CompleteHumanModel's about the rest
+  value.
+- Weights and tetrahedra were computed by this program; weights below 0.001 are left out.
 """

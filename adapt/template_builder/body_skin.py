@@ -108,16 +108,27 @@ def _factor(along: Floats, part: Finer) -> Floats:
     return np.asarray(1.0 + (part.times - 1.0) * share * share * (3.0 - 2.0 * share))
 
 
+def _near(points: Floats, start: Floats, length: float) -> NDArray[np.bool_]:
+    """Which points (N, 3) belong to a part from ``start``: within 2.5 lengths, and on its side of the body."""
+    return np.asarray(_own_side(points, start) & (np.linalg.norm(points - start, axis=1) < 2.5 * length))
+
+
+def _own_side(points: Floats, start: Floats) -> NDArray[np.bool_]:
+    return np.ones(len(points), dtype=bool) if abs(start[2]) < 1e-3 else np.asarray(points[:, 2] * start[2] > 0.0)
+
+
 def _grown(points: Floats, start: Floats, to: Floats, part: Finer) -> Floats:
-    way, length = (to - start) / np.linalg.norm(to - start), np.linalg.norm(to - start)
+    length = float(np.linalg.norm(to - start))
+    way = (to - start) / length
     reach = points - start
-    near = np.linalg.norm(reach, axis=1) < 2.5 * length
+    near = _near(points, start, length)
     return np.where(near[:, None], start + _factor(reach @ way, part)[:, None] * reach, points)
 
 
 def _shrunk(points: Floats, start: Floats, to: Floats, part: Finer) -> Floats:
     """Along the way h = k(a) a is inverted by bisection; then all of the reach is divided by k(a)."""
-    way, length = (to - start) / np.linalg.norm(to - start), np.linalg.norm(to - start)
+    length = float(np.linalg.norm(to - start))
+    way = (to - start) / length
     reach = points - start
     h = reach @ way
     low, high = np.minimum(h, h / part.times) - 1e-6, np.maximum(h, h / part.times) + 1e-6
@@ -126,5 +137,5 @@ def _shrunk(points: Floats, start: Floats, to: Floats, part: Finer) -> Floats:
         over = _factor(middle, part) * middle > h
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     shrunk = start + reach / _factor(0.5 * (low + high), part)[:, None]
-    near = np.linalg.norm(shrunk - start, axis=1) < 2.5 * length
+    near = _near(shrunk, start, length) & _own_side(points, start)
     return np.where(near[:, None], shrunk, points)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from types import ModuleType
 
 import numpy as np
@@ -27,7 +28,7 @@ from adapt.template_builder.plan import LimbPlan
 from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.skin import smooth_limb
 from adapt.template_builder.sources_makehuman import SourceSkin, load_skin
-from adapt.template_builder.sources_myosim import SourceSkeleton, shifted
+from adapt.template_builder.sources_myosim import SourceBody, SourceSkeleton, shifted
 from adapt.template_builder.stages import Stages
 
 Floats = NDArray[np.float64]
@@ -73,10 +74,10 @@ def posed_body(count: int, finer: tuple[body_skin.Finer, ...], stages: Stages) -
     depth = stages.kept("depth", (skin, depth_grid), lambda: depth_grid.depth_grid(skin, halved=True))
     pose: dict[str, float] = {}
     placements: dict[str, Placement] = {}
-    bodies = {}
+    bodies: dict[str, SourceBody] = {}
     for plan, modules in _LIMBS:
         skeleton = shifted(source_of(plan), plan.shifts)
-        values, placed = stages.kept(plan.name, (SKIN, *modules), lambda p=plan, s=skeleton: _posed_limb(p, s, rig))
+        values, placed = stages.kept(plan.name, (SKIN, *modules), partial(_posed_limb, plan, skeleton, rig))
         pose, placements, bodies = pose | values, placements | placed, bodies | skeleton.bodies
     trunk = body_trunk.load_trunk()
     values, placed = stages.kept(

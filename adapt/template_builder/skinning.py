@@ -38,17 +38,26 @@ def heads_of(skeleton: SourceSkeleton, placements: dict[str, Placement], plan: A
 
 
 def bone_weights(
-    name: str, surface: Mesh, mesh: TetMesh, handles: tuple[Handle, ...], heads: list[Floats]
+    name: str,
+    surface: Mesh,
+    mesh: TetMesh,
+    handles: tuple[Handle, ...],
+    heads: list[Floats],
+    *,
+    within: float = _BONE_REACH,
+    exact: bool = True,
 ) -> tuple[TetMesh, Floats]:
     """The tetrahedra of a bone with corners at its own handles, and these handles' weights (N, H) at its vertices."""
     own = [index for index, handle in enumerate(handles) if handle.bone == name]
-    mesh, weights = weights_of_handles(mesh, heads, own, within=_BONE_REACH)
+    mesh, weights = weights_of_handles(mesh, heads, own, within=within, exact=exact)
     return mesh, evaluate(mesh, weights, surface.vertices)
 
 
-def weights_of_handles(mesh: TetMesh, heads: list[Floats], own: list[int], *, within: float) -> tuple[TetMesh, Floats]:
+def weights_of_handles(
+    mesh: TetMesh, heads: list[Floats], own: list[int], *, within: float, exact: bool = True
+) -> tuple[TetMesh, Floats]:
     """Weights (N, H) of the handles ``own`` at the corners of a mesh; the others have no part in it."""
-    mesh, corners = with_corners_at(mesh, np.concatenate([heads[index] for index in own]), within=within)
+    mesh, corners = with_corners_at(mesh, np.concatenate([heads[index] for index in own]), within=within, exact=exact)
     ends = np.cumsum([len(heads[index]) for index in own])[:-1]
     weights = np.zeros((len(mesh.points), len(heads)))
     weights[:, own] = bounded_biharmonic(mesh, np.split(corners, ends))
