@@ -25,7 +25,7 @@ from adapt.template_builder.skinning import (
     weights_of_handles,
 )
 from adapt.template_builder.sources_makehuman import load_skin
-from adapt.template_builder.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, shifted
+from adapt.template_builder.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, restated, shifted
 from adapt.template_builder.tetrahedra import TetMesh, evaluate, tetrahedralised
 
 Floats = NDArray[np.float64]
@@ -114,7 +114,8 @@ def _bones(
 
 def source_of(plan: LimbPlan) -> SourceSkeleton:
     """The source skeleton as a plan wants it, at its own size."""
-    return in_pieces(load_skeleton(plan.bodies, without=plan.without, follows=plan.follows), plan.pieces)
+    skeleton = load_skeleton(plan.bodies, without=plan.without, follows=plan.follows)
+    return in_pieces(restated(skeleton, plan.stated), plan.pieces)
 
 
 def at_rest(coordinate: Coordinate, plan: AnatomyPlan, pose: dict[str, float]) -> Coordinate:

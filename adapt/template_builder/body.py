@@ -208,11 +208,13 @@ DEFORMERS = (
 BODY = AnatomyPlan(
     name="body",
     side="both",
+    upstream=tuple(dict.fromkeys((*arm.UPPER_LIMB_RIGHT.upstream, *leg.LOWER_LIMB_RIGHT.upstream))),
     facts=(
         (
-            "tree of joints; names, signs and ranges of coordinates; the blade's ellipsoid; arm joints",
+            "tree of joints; names, signs and ranges of coordinates; the blade's ellipsoid",
             "CompleteHumanModel (BSD-2-Clause) after Rajagopal et al. (2016) and Seth et al. (2016)",
         ),
+        *arm.UPPER_LIMB_RIGHT.facts[:-1],
         *leg.LOWER_LIMB_RIGHT.facts,
         ("landmarks, bone frames", "after Wu et al. (2002, 2005), ISB"),
         ("heights of C7 and breastbone over stature", "ANSUR, 1,774 men (Gordon et al. 1989)"),

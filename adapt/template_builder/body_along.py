@@ -55,6 +55,6 @@ def _whole(bone: Bone, shares: Floats) -> Floats:
 
 def _parts(faces: Ints, count: int) -> list[Ints]:
     """The vertices of every connected part, in the order in which the parts were put together."""
-    _, label = igl.vertex_components(faces)
+    label = np.asarray(igl.vertex_components(faces)).ravel()
     firsts = [int(np.flatnonzero(label == k)[0]) for k in range(int(label.max()) + 1)]
     return [np.flatnonzero(label == k) for k in np.argsort(firsts)]

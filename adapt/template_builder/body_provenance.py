@@ -30,6 +30,7 @@ def _text(anatomy: Anatomy, posed: PosedBody, checks: list[Check]) -> str:
     rest = ", ".join(
         f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.rest and not c.name.endswith("_l")
     )
+    upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in BODY.upstream)
     facts = "\n".join(f"| {what} | {where} | facts |" for what, where in BODY.facts)
     return f"""# {anatomy.name}
 
@@ -39,8 +40,8 @@ Built by `python -m adapt.template_builder {anatomy.name}` on {date.today().isof
 
 | what | from | licence |
 |---|---|---|
-| bones | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt`; the bones' \
-surfaces are those of OpenSim's models, CC BY 3.0 (Delp et al. 1990; Holzbaur, Murray & Delp 2005) |
+| bones | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
+{upstream}
 | skin, its joint centres | MakeHuman base mesh hm08 and shape targets, as packed in PyPI `{SKIN_PACKAGE}` \
 {version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
 {facts}
