@@ -192,7 +192,7 @@ def write_motion_folder(
     """Write ``motion.npz``, ``angles.mot``, ``centres.trc`` and ``quality.csv``."""
     thetas = known_thetas(subject.anatomy, motion.thetas, motion.shown)
     columns = reported_coordinates(subject.anatomy, thetas) | follower_columns(subject.body, motion.transforms)
-    if world_from_thorax is not None:
+    if world_from_thorax is not None and subject.anatomy.side != "both":  # a body has a thorax of its own
         rotation = root_coordinates(subject.anatomy)[:3]
         columns |= thoraco_humeral(world_from_thorax, thetas, rotation, side=subject.anatomy.side)
     write_mot(out / "angles.mot", motion.times, with_coupled(subject.anatomy, columns))

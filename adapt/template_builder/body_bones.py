@@ -14,6 +14,7 @@ from adapt.template_builder import upper_limb as arm
 from adapt.template_builder.body_trunk import CERVICAL, LUMBAR
 from adapt.template_builder.lower_limb_pose import TOES
 from adapt.template_builder.plan import AxisPlan, BonePlan, PointPlan
+from adapt.template_builder.upper_limb_joints import AXES as ARM_AXES
 
 _ENDS, _BESIDE = ("start", "end"), ("", "_normal")
 MIDDLE = frozenset(
@@ -102,7 +103,7 @@ POINTS = (
 )
 
 AXES = (
-    *arm.AXES,
+    *ARM_AXES,
     *leg.AXES,
     AxisPlan(SUBTALAR, "calcn_r", "talus_r", (0.7872, 0.6047, -0.1209), (-0.02, 0.02)),
 )
