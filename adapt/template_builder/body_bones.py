@@ -105,7 +105,7 @@ POINTS = (
 AXES = (
     *ARM_AXES,
     *leg.AXES,
-    AxisPlan(SUBTALAR, "calcn_r", "talus_r", (0.7872, 0.6047, -0.1209), (-0.02, 0.02)),
+    AxisPlan(SUBTALAR, "calcn_r", "talus_r", (0.7872, 0.6047, -0.1209), (0.01, 0.05)),
 )
 
 _HIPS = ("HJC_l",), ("HJC_r",)

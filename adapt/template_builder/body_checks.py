@@ -8,7 +8,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from adapt.anatomy import Anatomy, Joint
 from adapt.model.body import Body, make_body, pose_skin, posed_bones, rest_theta
@@ -29,6 +28,8 @@ Floats = NDArray[np.float64]
 
 REST_SHARE, REST_OUT, MOVING_OUT = 0.002, 0.002, 0.003  # of vertices; m at rest; m over the ranges of motion
 STRUT = 0.002  # m
+_ITERATIONS, _STEP, _HELD = 40, 1e-4, 1e-5  # of finding where a collar bone fits: rad, m
+_BESIDE_BONES = ("ellipsoid_", "_bend_", "SC_above", "SC_beside", "shoulder_")  # landmarks that tell planes and axes
 _THIN = 3  # every third vertex of a bone is looked at in motion
 # Elevations of the arm (degrees) in planes forward of the side (degrees), as an arm is raised.
 _ELEVATIONS, _PLANES = (0.0, 60.0, 100.0), (0.0, 45.0, 90.0)
@@ -89,7 +90,7 @@ def depth_checks(anatomy: Anatomy) -> list[Check]:
 def place_checks(anatomy: Anatomy) -> list[Check]:
     """Landmarks lie inside the skin; rest values lie in range; the left half is the right one's image."""
     skin = Mesh(anatomy.skin_vertices, anatomy.skin_faces)
-    on_bones = [n for n in anatomy.landmark_names if not n.startswith(("ellipsoid_", "lumbar_bend", "thorax_bend"))]
+    on_bones = [n for n in anatomy.landmark_names if not any(part in n for part in _BESIDE_BONES)]
     at = anatomy.landmarks[[anatomy.landmark_index(n) for n in on_bones]]
     checks = [Check("landmarks of bones beneath the skin", 1e3 * skin.depth(at).min(), 0.0, "mm", least=True)]
     for c in anatomy.coordinates:
@@ -105,27 +106,22 @@ def random_shapes(anatomy: Anatomy) -> list[Floats]:
 
 
 def strut_checks(body: Body) -> list[Check]:
-    """Wherever a blade may go that the collar bone lets it, the collar bone keeps its length: by how much it can.
+    """From anywhere in the blade's range the collar bone can be held: the nearest such pose keeps its length.
 
-    Over a grid of upward rotation and elevation the abduction is looked for, within its range, at which the collar bone
-    is as long as at rest; the strut's own residual holds fits there.
+    Within the blade's range: where the collar bone cannot be as long as at rest there, that is what is measured.
     """
-    anatomy = body.anatomy
-    joint = anatomy.joint("sternoclavicular_r")
-    index = [anatomy.coordinate_index(f"scapula_{way}_r") for way in ("abduction", "elevation", "upward_rot")]
-    found, off = 0, 0.0
-    grid = list(product(*(np.linspace(anatomy.coordinates[i].low, anatomy.coordinates[i].high, 5) for i in index[1:])))
-    for elevation, upward in grid:
+    index = _blade(body.anatomy)
+    ranges = [np.linspace(body.anatomy.coordinates[i].low, body.anatomy.coordinates[i].high, 3) for i in index]
+    off = 0.0
+    for values in product(*ranges):
         theta = rest_theta(body)
-        theta[index[1:]] = elevation, upward
-        abduction = held_abduction(body, joint, theta, index[0])
-        if abduction is not None:
-            theta[index[0]] = abduction
-            found, off = found + 1, max(off, abs(longer(body, joint, theta)))
-    return [
-        Check("collar bone longer or shorter where it is held", 1e3 * off, 1e3 * STRUT, "mm"),
-        Check("share of the blade's range in which it can be held", 100.0 * found / len(grid), 30.0, "%", least=True),
-    ]
+        theta[index] = values
+        off = max(off, abs(longer(body, body.anatomy.joint("sternoclavicular_r"), held_blade(body, theta))))
+    return [Check("collar bone longer or shorter where it is held", 1e3 * off, 1e3 * STRUT, "mm")]
+
+
+def _blade(anatomy: Anatomy) -> list[int]:
+    return [anatomy.coordinate_index(f"scapula_{way}_r") for way in ("abduction", "elevation", "upward_rot")]
 
 
 def longer(body: Body, joint: Joint, theta: Floats) -> float:
@@ -141,36 +137,36 @@ def longer(body: Body, joint: Joint, theta: Floats) -> float:
     return float(np.linalg.norm(end - start) - np.linalg.norm(p.value[second] - p.value[first]))
 
 
-def held_abduction(body: Body, joint: Joint, theta: Floats, index: int) -> float | None:
-    """The coordinate's value (rad) in its range at which a strut has its length of rest; None if there is none."""
-    coordinate = body.anatomy.coordinates[index]
-
-    def off(value: float) -> float:
-        posed = theta.copy()
-        posed[index] = value
-        return longer(body, joint, posed)
-
-    values = np.linspace(coordinate.low, coordinate.high, 7)
-    offs = [off(value) for value in values]
-    for k in range(len(values) - 1):
-        if offs[k] * offs[k + 1] <= 0.0:
-            return float(brentq(off, values[k], values[k + 1], xtol=1e-5))
-    return None
+def held_blade(body: Body, theta: Floats) -> Floats:
+    """The pose with the right blade moved, within its range and by the least turns, to where its collar bone fits."""
+    joint, index, posed = body.anatomy.joint("sternoclavicular_r"), _blade(body.anatomy), theta.copy()
+    low, high = (np.array([getattr(body.anatomy.coordinates[i], end) for i in index]) for end in ("low", "high"))
+    for _ in range(_ITERATIONS):
+        off = longer(body, joint, posed)
+        slope = np.zeros(3)
+        for k, i in enumerate(index):
+            beside = posed.copy()
+            beside[i] += _STEP
+            slope[k] = (longer(body, joint, beside) - off) / _STEP
+        stuck = (posed[index] <= low) & (off * slope > 0.0) | (posed[index] >= high) & (off * slope < 0.0)
+        slope = np.where(stuck, 0.0, slope)
+        if abs(off) < _HELD or not slope.any():
+            break
+        posed[index] = np.clip(posed[index] - off * slope / (slope @ slope), low, high)
+    return posed
 
 
 def raised_arm(body: Body, elevation: float, plane: float, turn: float = 0.0) -> Floats:
     """A pose with the right arm raised by degrees from hanging, in a plane forward of the side, turned about itself.
 
-    A third of it is the blade's upward rotation, as in people; its abduction is as the collar bone asks.
+    A third of it is the blade's upward rotation, as in people; it moves as the collar bone asks.
     """
     anatomy, theta = body.anatomy, rest_theta(body)
     up, out = np.radians(elevation), np.radians(plane)
-    blade = [anatomy.coordinate_index(f"scapula_{way}_r") for way in ("abduction", "elevation", "upward_rot")]
-    rest = anatomy.coordinates[blade[2]].rest
-    theta[blade[2]] = min(rest + max(0.0, up - np.radians(45.0)) / 3.0, anatomy.coordinates[blade[2]].high)
-    held = held_abduction(body, anatomy.joint("sternoclavicular_r"), theta, blade[0])
-    if held is not None:
-        theta[blade[0]] = held
+    upward = _blade(anatomy)[2]
+    c = anatomy.coordinates[upward]
+    theta[upward] = min(c.rest + max(0.0, up - np.radians(45.0)) / 3.0, c.high)
+    theta = held_blade(body, theta)
     way = np.array([np.sin(up) * np.sin(out), -np.cos(up), np.sin(up) * np.cos(out)])
     humerus = _pointing(way) @ exp_so3(np.array([0.0, np.radians(turn), 0.0]))
     p = constant_points(body.p.value, len(theta))
