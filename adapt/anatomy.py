@@ -117,7 +117,7 @@ class Deformer:
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A template limb or body, at rest. V skin vertices, P landmarks, H handles, D deformers.
+    """A template limb, or a body with both sides, at rest. V skin vertices, P landmarks, H handles, D deformers.
 
     Compared by identity, so that what is prepared from an anatomy can be cached.
     """

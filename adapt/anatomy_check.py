@@ -57,7 +57,7 @@ def _parts(anatomy: Anatomy) -> Iterator[str]:
     ):
         yield from _names(what, names)
     if anatomy.side not in ("right", "left", "both"):
-        yield f"its side is {anatomy.side!r}, neither 'right', 'left' nor 'both'"
+        yield f"its side is {anatomy.side!r}, neither 'right' nor 'left' nor 'both'"
     for handle in anatomy.handles:
         anatomy.bone(handle.bone)
         if len(handle.position) != 3 or not np.isfinite(handle.position).all():

@@ -28,14 +28,14 @@ from adapt.anatomy import (
     anatomy_arrays,
 )
 from adapt.anatomy_check import refuse_unsound
-from adapt.mirror import mirrored, mirrored_name, tells_side
+from adapt.mirror import mirrored, mirrored_name, tells_a_side
 from adapt.model.parts import refuse_wrong_parts
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 
 FORMAT = "bonetrack-anatomy"
 _TEMPLATES = Path(str(resources.files("adapt") / "templates"))
-VERSION = 3  # 2: ball and spline joints, bend deformers; 3: bones along a curve
+VERSION = 3  # 2: ball and spline joints, bend deformers; 3: both sides, bones along a curve
 
 
 def save_anatomy(anatomy: Anatomy, path: Path) -> None:
@@ -156,13 +156,13 @@ def _load_shipped(name: str) -> Anatomy:
 
 
 def anatomy_names() -> list[str]:
-    """Names of all anatomies that ship with the package, with the mirror images of those of one side.
+    """Names of all anatomies that ship with the package, with their mirror images.
 
     >>> anatomy_names()
     ['lower-limb-left', 'lower-limb-right', 'upper-limb-left', 'upper-limb-right']
     """
     names = {path.stem for path in _TEMPLATES.glob("*.npz")}
-    return sorted(names | {mirrored_name(name) for name in names if tells_side(name)})
+    return sorted(names | {mirrored_name(name) for name in names if tells_a_side(name)})
 
 
 def read_anatomy(source: Path | IO[bytes], *, where: Path) -> Anatomy:
@@ -217,12 +217,14 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
 
 
 def _bone(name: str, frame: Frame, arrays: dict[str, Any]) -> Bone:
-    return Bone(name, frame, *(arrays[f"bone/{name}/{part}"] for part in BONE_ARRAYS), arrays.get(f"bone/{name}/along"))
+    vertices, faces, weights = (arrays[f"bone/{name}/{part}"] for part in BONE_ARRAYS)
+    return Bone(name, frame, vertices, faces, weights, arrays.get(f"bone/{name}/along"))
 
 
 def _version(anatomy: Anatomy) -> int:
     """The first version that reads it: so files and digests of anatomies that need no later one stay as they were."""
-    return VERSION if any(bone.along is not None for bone in anatomy.bones) else 2
+    later = anatomy.side == "both" or any(bone.along is not None for bone in anatomy.bones)
+    return VERSION if later else 2
 
 
 def _frame(parts: dict[str, list[str]]) -> Frame:

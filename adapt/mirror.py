@@ -36,7 +36,7 @@ def mirrored(anatomy: Anatomy) -> Anatomy:
     """The same limb of the other side. Names stay, but for coordinates whose OpenSim name tells the side.
 
     Raises:
-        AnatomyError: the anatomy has both sides, so that its image is itself.
+        AnatomyError: it has both sides.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> right = load_anatomy("lower-limb-right")
@@ -45,7 +45,7 @@ def mirrored(anatomy: Anatomy) -> Anatomy:
     ('lower-limb-left', 'knee_angle_l')
     """
     if anatomy.side == "both":
-        raise AnatomyError("an anatomy of both sides has no other side", where=anatomy.name, remedy="use it as it is")
+        raise AnatomyError("it has both sides, and no mirror image", where=anatomy.name, remedy="ask for it as it is")
     return Anatomy(
         name=mirrored_name(anatomy.name),
         side="left" if anatomy.side == "right" else "right",
@@ -92,10 +92,10 @@ def mirrored_name(name: str) -> str:
     return name.removesuffix(_MIRRORED) if name.endswith(_MIRRORED) else name + _MIRRORED
 
 
-def tells_side(name: str) -> bool:
-    """Whether a limb's name says which side it is of.
+def tells_a_side(name: str) -> bool:
+    """Whether an anatomy's name tells which side it is of.
 
-    >>> tells_side("upper-limb-right"), tells_side("body")
+    >>> tells_a_side("upper-limb-right"), tells_a_side("tail")
     (True, False)
     """
     return name.rpartition("-")[2] in _OTHER

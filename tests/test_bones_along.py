@@ -19,9 +19,16 @@ from adapt.model.joints.curve import Curve
 from adapt.model.parts import refuse_wrong_parts
 from adapt.model.pose_space import joint_index
 from adapt.own_anatomy import content
+from adapt.subject import Subject
 from capture.errors import AnatomyError
 from tests.test_deformer_types import arched_elbow
+from tests.test_gltf import ReadBack
 from tests.toy_anatomy import toy_anatomy
+from tests.toy_trunk import toy_trunk
+from track.export.gltf import write_gltf
+from track.export.osim import landmark_markers
+from track.motion import Motion, bones_and_centres, coordinate_names
+from track.view.frames import pose_body
 
 SHARES = np.linspace(0.0, 1.0, 8)
 
@@ -102,3 +109,54 @@ def test_shares_of_a_bone_to_which_no_curve_leads_are_refused() -> None:
     bones = tuple(replace(bone, along=SHARES) if bone.name == "palm" else bone for bone in some.bones)
     with pytest.raises(AnatomyError, match="bone palm: its vertices ride on shares of an arc, and no curve leads to"):
         refuse_wrong_parts(replace(some, bones=bones))
+
+
+def trunk_motion() -> tuple[Subject, Motion]:
+    """Three poses of the toy trunk, bent in the second; in the last one its chest does not show."""
+    some = make_body(toy_trunk())
+    thetas = np.tile(rest_theta(some), (3, 1))
+    for name, value in {"trunk_bending": 0.3, "trunk_extension": -0.7, "trunk_twist": 0.4}.items():
+        thetas[1, some.anatomy.coordinate_index(name)] = value
+    none = np.zeros((len(thetas[0]) + len(some.shape),) * 2)
+    subject = Subject(some, thetas[:1], np.zeros(1), none, {})
+    shown = np.ones((3, len(some.anatomy.bones)), dtype=bool)
+    transforms, centres = bones_and_centres(subject, thetas, shown)
+    told = np.zeros(3)
+    names = some.anatomy.name, coordinate_names(some.anatomy)
+    parts = (np.arange(3) / 10.0, thetas, np.zeros(thetas.shape), ("", "", ""), told, told, told.astype(int), shown)
+    return subject, Motion(*names, *parts, transforms, centres)
+
+
+def test_gltf_bends_them_by_helper_joints_and_hides_them_where_they_do_not_show(tmp_path: Path) -> None:
+    subject, motion = trunk_motion()
+    chest = [bone.name for bone in subject.anatomy.bones].index("chest")
+    shown = motion.shown.copy()
+    shown[2, chest] = False
+    write_gltf(replace(motion, shown=shown), subject, tmp_path / "motion.glb")
+    read = ReadBack(tmp_path / "motion.glb")
+    for key in (0, 1):
+        expected = posed_bones(subject.body, motion.thetas[key])["chest"]
+        found = read.hung("chest_surface", key)
+        assert np.abs(found - expected).max() < (1e-6 if key == 0 else 5e-4)
+    node = read.node("chest_surface")
+    assert all(node not in (other.children or []) for other in read.gltf.nodes)
+    assert node in read.gltf.scenes[0].nodes
+    scales = {read.gltf.nodes[k].name: values[1][:, 0] for k, values in read.channels("scale").items()}
+    hidden = [name for name, values in scales.items() if values.tolist() == [1.0, 1.0, 0.0]]
+    assert hidden == [f"chest_{k}_of_8" for k in range(9)]
+    assert np.ptp(read.hung("chest_surface", 2), axis=0)[[0, 2]].max() < 0.02  # a line along the curve
+
+
+def test_the_viewer_has_their_surfaces_posed() -> None:
+    subject, motion = trunk_motion()
+    posed = pose_body(subject.body, motion.thetas[1])
+    assert posed is not None
+    assert list(posed.along) == ["chest"]
+    expected = posed_bones(subject.body, motion.thetas[1])["chest"]
+    np.testing.assert_allclose(posed.along["chest"], expected, atol=1e-6)
+
+
+def test_landmarks_on_them_are_no_markers_of_one_bone() -> None:
+    markers = landmark_markers(make_body(toy_trunk()))
+    assert "base" not in markers
+    assert markers["nape"].bone == "chest"
