@@ -12,7 +12,7 @@ from adapt.anatomy import Anatomy
 from adapt.template_builder.body import BODY
 from adapt.template_builder.body_source import SKIN, PosedBody
 from adapt.template_builder.check import Check
-from adapt.template_builder.provenance import check_row
+from adapt.template_builder.provenance import BASE_MESH, check_row
 from adapt.template_builder.sources_makehuman import PACKAGE as SKIN_PACKAGE
 from adapt.template_builder.sources_myosim import MODEL, PACKAGE
 from capture.files import replaced_when_complete
@@ -49,7 +49,7 @@ Built by `python -m adapt.template_builder {anatomy.name}` on {date.today().isof
 Of the source's model only the bones' surfaces and where the bones stand at zero were taken for the trunk. The arm's
 axes are Holzbaur, Murray & Delp's numbers as CompleteHumanModel has them, and so are the blade's ellipsoid and frame.
 
-Shape targets and their weights: {targets}; the body scaled to a stature of {SKIN.stature} m.
+{BASE_MESH} Shape targets and their weights: {targets}; the body scaled to a stature of {SKIN.stature} m.
 
 ## What was changed
 
