@@ -37,22 +37,13 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     tets = ", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
-    upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in plan.upstream)
-    facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
-    bones = "bones" if plan.stated else "bones, joint axes"
     return f"""# {plan.name}
 
 Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoformat()}.
 
 ## Sources
 
-| what | from | licence |
-|---|---|---|
-| {bones} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
-{upstream}
-| skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
-{version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
-{facts}
+{_sources(plan)}
 
 The base mesh is copyright 2020 Data Collection AB, Joel Palmius and Jonas Hauquier, and was released as CC0 in
 September 2020. Shape targets and their weights: {targets}; the body scaled to a stature of {plan.skin.stature} m.
@@ -85,6 +76,19 @@ Tetrahedra: {tets}.
 |---|---|---|---|
 {chr(10).join(_row(check) for check in checks)}
 """
+
+
+def _sources(plan: LimbPlan) -> str:
+    upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in plan.upstream)
+    facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
+    bones = "bones" if plan.stated else "bones, joint axes"
+    return f"""| what | from | licence |
+|---|---|---|
+| {bones} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
+{upstream}
+| skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
+{version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
+{facts}"""
 
 
 def _planes(plan: LimbPlan) -> str:

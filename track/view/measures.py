@@ -52,7 +52,7 @@ def lengths(subject: Subject) -> list[Length]:
     >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), 1e-4 * np.eye(16), {})
     >>> first = lengths(subject)[0]
     >>> first.bone, first.ends, round(first.length_m, 3), first.length_m == first.template_m
-    ('humerus', 'middle of EM and EL to GH', 0.279, True)
+    ('humerus', 'middle of EM and EL to GH', 0.277, True)
     """
     template = _template(subject)
     rows = []
