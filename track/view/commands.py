@@ -16,6 +16,7 @@ _PATH = click.Path(path_type=Path)
 @click.argument("source", type=_PATH)
 @click.option("--subject", type=_PATH, help="Who moves; a motion needs it.")
 @click.option("--recording", type=_PATH, help="The recording of a motion or a subject: adds points, and known truth.")
+@click.option("--markers", type=_PATH, help="A laboratory's markers, as `bonetrack import-markers` wrote them.")
 @click.option("--html", type=_PATH, help="Write the scene as one HTML file that needs no network, and end.")
 @click.option(
     "--poses",
@@ -32,6 +33,7 @@ def view_command(
     source: Path,
     subject: Path | None,
     recording: Path | None,
+    markers: Path | None,
     html: Path | None,
     poses: Path,
     host: str,
@@ -41,9 +43,10 @@ def view_command(
 ) -> None:
     """Look at SOURCE, a recording, a subject or a motion, in the browser: skin, bones, points, angles over time."""
     from track.belonging import adapted_elsewhere
-    from track.view.scene import open_scene
+    from track.view.scene import open_scene, with_markers
 
     scene = open_scene(source, subject=subject, recording=recording)
+    scene = scene if markers is None else with_markers(scene, markers)
     person, seen = scene.subject, scene.recording
     if seen is None and near is not None:
         raise click.BadParameter("needs a recording, in which somebody is near it", param_hint="--near")
