@@ -38,7 +38,8 @@ class Subject:
 
     ``thetas`` (K, n) are the example poses and ``times`` (K,) their instants (s) in the recording;
     ``covariance`` (m + q, m + q) is that of the shape and of the coefficients of the soft tissue (``adapt.tissue``),
-    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON.
+    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON. The ``path`` is that of the file that it
+    was read from or written to.
     """
 
     body: Body
@@ -46,6 +47,7 @@ class Subject:
     times: Floats = field(repr=False)
     covariance: Floats = field(repr=False)
     report: dict[str, Any] = field(repr=False)
+    path: Path | None = field(default=None, repr=False)
 
     @property
     def never_seen(self) -> tuple[str, ...]:
@@ -62,7 +64,8 @@ def doubts(subject: Subject) -> list[str]:
     """What a result made with a subject should say beside it, in words: what its adaptation could not tell."""
     told = []
     side = subject.report.get("side")
-    if "side" in subject.report and not (side is not None and side["told"]):  # an older file says nothing of its side
+    has_one = "side" in subject.report and subject.anatomy.side != "both"  # an older file says nothing of its side
+    if has_one and not (side is not None and side["told"]):
         told.append(f"the data do not tell that it is a {subject.anatomy.side} limb: the asked side is taken on trust")
     size = overall_size(subject.body)
     if _by_one_camera(subject) and not _USUAL[0] < size < _USUAL[1]:
@@ -205,4 +208,4 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], kept: d
     thetas, times = arrays["thetas"], arrays["times"]
     if times.ndim != 1 or thetas.shape != (len(times), len(template.coordinates)):
         raise ValueError(f"poses of shape {thetas.shape} at times of shape {times.shape}")
-    return Subject(body, thetas, times, covariance, report)
+    return Subject(body, thetas, times, covariance, report, path)

@@ -61,10 +61,13 @@ def prepare_skin(anatomy: Anatomy, p: Points, rest: Points, weights: Floats) -> 
     for d, deformer in enumerate(anatomy.deformers):
         touched = np.flatnonzero(weights[:, d])
         rows = touched if len(touched) < _WORTH_PICKING * len(weights) else slice(None)
-        laid = DEFORMER_TYPES[deformer.type].layout(anatomy, deformer.frames, p, rest.at(rows))
+        laid = DEFORMER_TYPES[deformer.type].layout(anatomy, deformer, p, rest.at(rows))
         skin.kind[d], skin.axis[d], by.axis[d] = laid.kind, laid.axis, laid.d_axis
         skin.t[d, rows], skin.width[d, rows] = laid.t, laid.width
         by.t[d, rows], by.width[d, rows] = laid.d_t, laid.d_width
+        skin.length[d], by.length[d] = laid.length, laid.d_length
+        if laid.local is not None:
+            skin.local[d, rows], by.local[d, rows] = laid.local, laid.d_local
         for end, frame in enumerate(laid.ends):
             skin.frame_rotation[d, end], skin.frame_translation[d, end] = frame.rotation, frame.translation
             by.frame_rotation[d, end], by.frame_translation[d, end] = frame.d_rotation, frame.d_translation
@@ -86,6 +89,7 @@ def _room_for(anatomy: Anatomy, rest: Points, weights: Floats) -> tuple[BoundSki
         frame_rotation=np.tile(np.eye(3), (count, 2, 1, 1)),
         frame_translation=np.zeros((count, 2, 3)),
         axis=np.zeros((count, 3)),
+        length=np.zeros(count),
     )
     by = Varying(
         rest=np.ascontiguousarray(rest.d),
@@ -95,6 +99,7 @@ def _room_for(anatomy: Anatomy, rest: Points, weights: Floats) -> tuple[BoundSki
         frame_rotation=np.zeros((count, 2, 3, m)),
         frame_translation=np.zeros((count, 2, 3, m)),
         axis=np.zeros((count, 3, m)),
+        length=np.zeros((count, m)),
     )
     return skin, by
 

@@ -1,7 +1,8 @@
 """Skin that rides on moved bones, vertex by vertex, with its derivatives if asked: the code that runs.
 
 The equations stand where the types of deformers are, and a type's ``layout`` says which of the kinds here it is:
-TURNING is the forearm's (adapt.model.deformers.forearm), BENDING the bend's (adapt.model.deformers.bend).
+TURNING is the forearm's (adapt.model.deformers.forearm), BENDING the bend's (adapt.model.deformers.bend), CURVING the
+curve's (adapt.model.compiled.curving).
 
 A vertex varies with theta, and with the body's parameters in two ways: its bones do, for their joints are elsewhere,
 and so does what it brings itself, its place at rest and in its deformer's frames. For the former all columns are alike,
@@ -12,35 +13,20 @@ loop, the machine would check again and again whether they overlap, or give up a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.compiled.between import Between, frames_between
 from adapt.model.compiled.chain import move_bones
-from adapt.model.compiled.layout import BENDING, RIGID, TURNING, BoundSkin, Varying
+from adapt.model.compiled.curving import add_curved
+from adapt.model.compiled.layout import BENDING, CURVING, RIGID, TURNING, BoundSkin, Varying
 from adapt.model.compiled.links import Bones, Chain
+from adapt.model.compiled.room import Room, add_turned, room_for
 from capture.compiled import compiled_sums
 
 _ONSET, _CREASE = 0.09, 0.3  # of adapt.model.deformers.bend
 _AT_ONCE = 128  # vertices whose derivatives stay near the processor while one deformer after the other adds to them
-
-
-class _Room(NamedTuple):
-    """What is worked out for up to N vertices at once that ride on the frames between two bones."""
-
-    row: Ints  # (N,) which of the vertices at hand
-    vertex: Ints  # (N,)
-    order: Ints  # (N,) 0, 1, 2 and so on
-    share: Floats  # (N, 4): weight, t, sin(t angle), versine(t angle)
-    squeeze: Floats  # (N, 3) of a bend: k by q . inward, k by the mitre, k - 1
-    bare: Floats  # (N, 3) the place in the frames
-    arm: Floats  # (N, 3) the same, squeezed
-    across: Floats  # (N, 3) the way in which it evades
-    reach: Floats  # (N, 3) the arm where the frames carry it, by the weight
-    rotation: Floats  # (N, 9) that carries it, by the weight
-    d_arm: Floats  # (N, 3, m)
 
 
 def pose_rows(
@@ -54,7 +40,7 @@ def pose_rows(
     n = bones.d_rotation.shape[2]
     value, d = np.zeros((len(rows), 3)), np.zeros((len(rows) if varying else 0, 3, n))
     flat = d.reshape(len(d), 3 * n)
-    room = _room(_AT_ONCE, by.axis.shape[2])
+    room = room_for(_AT_ONCE, by.axis.shape[2])
     _pose(bones, _by_arms(bones), frames_between(bones, skin, by), skin, by, room, rows, value, flat)
     return value, d
 
@@ -70,14 +56,6 @@ def _by_arms(bones: Bones) -> Floats:
     return by.reshape(count, 4, 3 * n)
 
 
-def _room(n: int, m: int) -> _Room:
-    """Room for n vertices that vary with m parameters."""
-    squeeze, bare, arm, across, reach = np.zeros((5, n, 3))
-    rotation, d_arm, order = np.zeros((n, 9)), np.zeros((n, 3, m)), np.arange(n)
-    share = np.zeros((n, 4))
-    return _Room(order.copy(), order.copy(), order, share, squeeze, bare, arm, across, reach, rotation, d_arm)
-
-
 @compiled_sums
 def _pose(
     bones: Bones,
@@ -85,7 +63,7 @@ def _pose(
     g: Between,
     skin: BoundSkin,
     by: Varying,
-    room: _Room,
+    room: Room,
     rows: Ints,
     value: Floats,
     d: Floats,
@@ -99,6 +77,9 @@ def _pose(
                 _add_riding(bones, by_arms, skin, e, some, rides, v, dv)
             if skin.kind[e] == RIGID:
                 continue
+            if skin.kind[e] == CURVING:
+                add_curved(g, skin, by, e, some, room, v, dv)
+                continue
             count = _find_arms(g, skin, e, some, room, v)
             if varying:
                 _add_swung(g.d_rotation, g.d_origin, g.angle[e], e, count, room, dv)
@@ -107,7 +88,7 @@ def _pose(
             if varying and m > 0:
                 _add_own(g, skin, by, e, count, room, dv)
         if varying and m > 0:
-            _add_turned(rides, by.rest, some, room.order, len(some), dv)
+            add_turned(rides, by.rest, some, room.order, len(some), dv)
 
 
 @compiled_sums
@@ -139,19 +120,7 @@ def _add_riding(
 
 
 @compiled_sums
-def _add_turned(r: Floats, x: Floats, vertex: Ints, row: Ints, count: int, d: Floats) -> None:
-    """Adds r @ x for r (N, 9) and x (N, 3, m) of so many vertices to the last m columns of their rows."""
-    m, n = x.shape[2], d.shape[1] // 3
-    for at in range(count):
-        i, to = vertex[at], row[at]
-        for j in range(3):
-            first, a, b, c = j * n + n - m, r[at, 3 * j], r[at, 3 * j + 1], r[at, 3 * j + 2]
-            for k in range(m):
-                d[to, first + k] += a * x[i, 0, k] + b * x[i, 1, k] + c * x[i, 2, k]
-
-
-@compiled_sums
-def _find_arms(g: Between, skin: BoundSkin, e: int, rows: Ints, room: _Room, value: Floats) -> int:
+def _find_arms(g: Between, skin: BoundSkin, e: int, rows: Ints, room: Room, value: Floats) -> int:
     """Lists the rows that ride on the frames between two bones, where they are in them, and adds where that is."""
     bend, at, r = skin.kind[e] == BENDING, 0, room.rotation
     for m in range(len(rows)):
@@ -179,7 +148,7 @@ def _find_arms(g: Between, skin: BoundSkin, e: int, rows: Ints, room: _Room, val
 
 
 @compiled_sums
-def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: _Room) -> None:
+def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: Room) -> None:
     """Turns an arm q of a bend into q + (k - 1) q_across, and says q_across.
 
     And how k varies with q . inward and with the mitre, and k - 1: all 0 where slices do not close up.
@@ -203,7 +172,7 @@ def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: _Room) 
 
 
 @compiled_sums
-def _add_swung(spin: Floats, glide: Floats, angle: float, e: int, count: int, room: _Room, d: Floats) -> None:
+def _add_swung(spin: Floats, glide: Floats, angle: float, e: int, count: int, room: Room, d: Floats) -> None:
     """What vertices vary by with the frames, for the same shares t and the same arms."""
     n = d.shape[1] // 3
     turned, moved = np.zeros(3 * n), np.zeros(3 * n)
@@ -223,7 +192,7 @@ def _add_swung(spin: Floats, glide: Floats, angle: float, e: int, count: int, ro
 
 
 @compiled_sums
-def _add_evading(d_inward: Floats, d_mitre: Floats, e: int, count: int, room: _Room, d: Floats) -> None:
+def _add_evading(d_inward: Floats, d_mitre: Floats, e: int, count: int, room: Room, d: Floats) -> None:
     """What a bend's tissue evades by when the joint bends further."""
     n, r = d.shape[1] // 3, room.rotation
     gain = np.zeros(n)
@@ -243,13 +212,13 @@ def _add_evading(d_inward: Floats, d_mitre: Floats, e: int, count: int, room: _R
 
 
 @compiled_sums
-def _add_own(g: Between, skin: BoundSkin, by: Varying, e: int, count: int, room: _Room, d: Floats) -> None:
+def _add_own(g: Between, skin: BoundSkin, by: Varying, e: int, count: int, room: Room, d: Floats) -> None:
     """What the vertices bring themselves: R(t) d_arm + (R(t) arm + o(t))' dt."""
     if skin.kind[e] == BENDING:
         _fill_arms(g.inward, skin, by, e, count, room)
-        _add_turned(room.rotation, room.d_arm, room.order, room.row, count, d)
+        add_turned(room.rotation, room.d_arm, room.order, room.row, count, d)
     else:
-        _add_turned(room.rotation, by.local[e], room.vertex, room.row, count, d)
+        add_turned(room.rotation, by.local[e], room.vertex, room.row, count, d)
     n, m, angle = d.shape[1] // 3, by.t.shape[2], g.angle[e]
     for at in range(count):
         w, sine, cosine = room.share[at, 0], room.share[at, 2], 1.0 - room.share[at, 3]
@@ -264,7 +233,7 @@ def _add_own(g: Between, skin: BoundSkin, by: Varying, e: int, count: int, room:
 
 
 @compiled_sums
-def _fill_arms(inward: Floats, skin: BoundSkin, by: Varying, e: int, count: int, room: _Room) -> None:
+def _fill_arms(inward: Floats, skin: BoundSkin, by: Varying, e: int, count: int, room: Room) -> None:
     """How a bend's squeezed arms q + (k - 1) q_across vary with the body, for the same turn of the joint."""
     u, du, centre, d_arm, m = skin.axis, by.axis, by.frame_translation, room.d_arm, by.axis.shape[2]
     change, d_along = np.zeros(m), np.zeros(m)
