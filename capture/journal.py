@@ -124,7 +124,7 @@ def _software() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numpy's arrays and numbers in JSON's words: floats by their bytes, so that not a bit is lost nor a letter wasted."""
+    """Numpy's arrays and numbers in JSON's words: floats by their bytes, so that no bit is lost, no letter wasted."""
     if not (isinstance(value, np.ndarray) and value.dtype == np.float64):
         return value.tolist()
     if value.ndim == 2 and np.array_equal(value, value.T, equal_nan=True):

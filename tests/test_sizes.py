@@ -122,5 +122,5 @@ def test_a_forearm_too_long_for_its_upper_arm_is_refused(arm):
     shape = body.shape.reshape(-1, 4).copy()
     shape[1:, 1:] -= 0.3 * (body.affine.centres[1] - body.affine.centres[0])  # the upper arm 0.7,
     shape[2:, 1:] += 0.3 * (body.affine.centres[2] - body.affine.centres[1])  # the forearm 1.3 times as long
-    with pytest.raises(FitError, match=r"the humerus came out 210 mm long and the ulna 321 mm"):
+    with pytest.raises(FitError, match=r"the humerus came out 209 mm long and the ulna 323 mm"):
         refuse_what_nobody_is(make_body(arm, shape=shape.ravel()), SOMEWHERE)

@@ -31,7 +31,7 @@ def thicker_than(anatomy: Anatomy) -> float:
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> [round(thicker_than(load_anatomy(name)), 3) for name in ("upper-limb-right", "lower-limb-right")]
-    [0.085, 0.157]
+    [0.086, 0.157]
     """
     inside, _ = anatomy.tetrahedra["limb"]
     return _THICKER * float(cKDTree(anatomy.skin_vertices).query(inside)[0].max())

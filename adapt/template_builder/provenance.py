@@ -40,21 +40,13 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     targets = ", ".join(f"`{name}` x {weight:.3g}" for name, weight in plan.skin.targets.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
-    upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in plan.upstream)
-    facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
     return f"""# {plan.name}
 
 Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoformat()}.
 
 ## Sources
 
-| what | from | licence |
-|---|---|---|
-| {"bones" if plan.stated else "bones, joint axes"} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
-{upstream}
-| skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
-{version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
-{facts}
+{_sources(plan)}
 
 {BASE_MESH} Shape targets and their weights: {targets}; the body scaled to a stature of {plan.skin.stature} m.
 
@@ -86,6 +78,19 @@ Tetrahedra: {", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetr
 |---|---|---|---|
 {chr(10).join(check_row(check) for check in checks)}
 """
+
+
+def _sources(plan: LimbPlan) -> str:
+    upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in plan.upstream)
+    facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
+    bones = "bones" if plan.stated else "bones, joint axes"
+    return f"""| what | from | licence |
+|---|---|---|
+| {bones} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
+{upstream}
+| skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
+{version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
+{facts}"""
 
 
 def _planes(plan: LimbPlan) -> str:

@@ -213,10 +213,10 @@ UPPER_LIMB_RIGHT = LimbPlan(
 - Where ulna, styloids, epicondyles and metacarpals lie under skin and fascia alone, the skin was moved to them: as
   MakeHuman has it, it was 8 to 13 mm thick over the ulna's border and the backs of the metacarpals, which can be felt.
 - Joints are those of openly licensed models, stated in `upper_limb_joints.py`; the source's hinges have the same places
-  and axes to 3 micrometres. The bones confirm them: the elbow's axis runs where the trochlea is narrowest, the forearm's
-  through the middles of the radius's head and of the ulna's. Only fingers were bent by the source's hinges.
-- At the wrist skin is blended between forearm and hand, and sinks onto the carpus where the wrist bends far. So the hand
-  holds the skin from 13 mm behind the capitate on, and whatever lies within 3 mm of its bones, and the skin keeps off
+  and axes to 3 micrometres. The bones confirm them: the elbow's axis runs where the trochlea is narrowest, that of the
+  forearm through the middles of the radius's head and of the ulna's. Only fingers were bent by the source's hinges.
+- At the wrist skin is blended between forearm and hand, and sinks onto the carpus where the wrist bends far. So the
+  hand holds the skin from 13 mm behind the capitate on, and what lies within 3 mm of its bones, and the skin keeps off
   the carpus. Five draws of tetrahedra then left the hand 0.5 to 2.1 mm beneath the outer skin in the worst of 25 poses
   of the wrist (held as before, -0.3 to 0.3 in three; the former arm -1.1 in a build that was refused); this one 2.1.
 """,
