@@ -6,6 +6,7 @@ What the numbers mean is said in ``adapt.anatomy``; whether a user's file is sou
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
@@ -121,15 +122,19 @@ def shipped_anatomy(name: str) -> Anatomy | None:
     return _from_folder(_TEMPLATES, name)
 
 
-def former_anatomy(name: str) -> Anatomy | None:
-    """The anatomy of that name as it shipped before it was built anew; None if it never was.
+def former_anatomies(name: str) -> Iterator[Anatomy]:
+    """The anatomies of that name as they shipped before it was built anew, the oldest first.
 
-    Subjects and recordings made with it mean nothing without it, and only they ask for it.
+    Subjects and recordings made with them mean nothing without them, and only they ask for them. The oldest is from
+    before files told which content their anatomy had; later ones lie in folders named after the day they were built.
 
-    >>> former_anatomy("lower-limb-left").side, former_anatomy("tail")
-    ('left', None)
+    >>> [anatomy.side for anatomy in former_anatomies("lower-limb-left")], list(former_anatomies("tail"))
+    (['left'], [])
     """
-    return _from_folder(_TEMPLATES / "former", name)
+    folder = _TEMPLATES / "former"
+    for place in (folder, *sorted(path for path in folder.iterdir() if path.is_dir())):
+        if (anatomy := _from_folder(place, name)) is not None:
+            yield anatomy
 
 
 def _from_folder(folder: Path, name: str) -> Anatomy | None:

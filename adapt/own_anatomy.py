@@ -2,8 +2,8 @@
 
 A subject means nothing without the very anatomy it was adapted from: its proportions are those of that anatomy's
 handles, its skin is told as a displacement of that anatomy's. An anatomy that ships with the package is named, with a
-digest of what it holds, for it may be built anew; files of before that have no digest, and are of the anatomy as it
-shipped then, which still lies in the package for them. A user's own is kept whole, so that the file can be copied, sent
+digest of what it holds, for it may be built anew: what shipped before still lies in the package for files of then, the
+oldest of which have no digest. A user's own is kept whole, so that the file can be copied, sent
 and tracked elsewhere, and says the same after the anatomy's file was changed, moved or lost. It is read as any
 anatomy's file: arrays of bounded sizes, nothing is unpickled.
 """
@@ -26,7 +26,7 @@ from adapt.anatomy import Anatomy, anatomy_arrays
 from adapt.anatomy_check import refuse_unsound
 from adapt.anatomy_file import (
     anatomy_description,
-    former_anatomy,
+    former_anatomies,
     load_anatomy,
     read_anatomy,
     shipped_anatomy,
@@ -160,12 +160,15 @@ def anatomy_kept(name: str, arrays: Mapping[str, NDArray[Any]], *, where: Path) 
 
 def _that_shipped(name: str, digest: NDArray[Any] | None, *, where: Path) -> Anatomy:
     """The anatomy of that name that ships, or shipped when a file ``where`` without a ``digest`` was made."""
-    if digest is None and (former := former_anatomy(name)) is not None:
-        return former
+    if digest is None and (oldest := next(former_anatomies(name), None)) is not None:
+        return oldest
     try:
         anatomy = load_anatomy(name)
     except AnatomyError as error:
         raise AnatomyError(error.problem, where=where, remedy=error.remedy) from error
-    if digest is not None and str(digest) != _shipped_content(name):
-        raise AnatomyError(f"made with another template of {name}", where=where, remedy=_AGAIN)
-    return anatomy
+    if digest is None or str(digest) == _shipped_content(name):
+        return anatomy
+    for former in former_anatomies(name):
+        if str(digest) == content(former):
+            return former
+    raise AnatomyError(f"made with another template of {name}", where=where, remedy=_AGAIN)

@@ -6,6 +6,7 @@ and that is told, for who interrupted hours of work expects them to be gone on w
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import re
@@ -29,13 +30,19 @@ BEGUN_ANEW = "begun anew, for the run that was cut short had another version, ot
 Told = Callable[[str], None]
 """Told a line for people."""
 
-_LAYOUT = 2
+_LAYOUT = 3
 """Of the lines of journals: raised when a version could not go on with lines of the one before it."""
+
+_FLOATS, _LOWER = "floats", "lower half"
 
 
 @dataclass(frozen=True)
 class Journal:
-    """A file that finished pieces (plain JSON, arrays as lists) are added to; ``entries`` are those of earlier runs."""
+    """A file that finished pieces (JSON) are added to; ``entries`` are those of earlier runs.
+
+    Arrays of floats are written as their bytes, a symmetric one by its lower half; they come back as arrays. Other
+    arrays come back as lists.
+    """
 
     path: Path
     entries: tuple[Any, ...] = field(repr=False)
@@ -50,10 +57,13 @@ class Journal:
         self.path.unlink(missing_ok=True)
 
 
-def resume_journal(path: Path, key: str, told: Told = lambda _: None) -> Journal:
+def resume_journal(
+    path: Path, key: str, told: Told = lambda _: None, *, goes_on: Callable[[Any], bool] = lambda entry: True
+) -> Journal:
     """The journal at ``path``; an empty one if there is none with that key, which is ``told`` in a line.
 
-    A last line that was cut short is dropped; a damaged line is dropped with all that follows.
+    A last line that was cut short is dropped; a damaged line is dropped with all that follows. So is what follows the
+    last entry from which the work ``goes_on``.
 
     Raises:
         OutputError: something else than a journal stands there.
@@ -63,7 +73,7 @@ def resume_journal(path: Path, key: str, told: Told = lambda _: None) -> Journal
     ...     path, key = Path(folder, "adapt.journal"), "0" * 64
     ...     resume_journal(path, key).append({"frame": 3, "theta": np.array([0.25, -1.0])})
     ...     resume_journal(path, key).entries, resume_journal(path, "f" * 64).entries
-    (({'frame': 3, 'theta': [0.25, -1.0]},), ())
+    (({'frame': 3, 'theta': array([ 0.25, -1.  ])},), ())
     """
     lines = path.read_text(encoding="utf-8", errors="replace").split("\n") if path.is_file() else []
     entries = []
@@ -72,9 +82,11 @@ def resume_journal(path: Path, key: str, told: Told = lambda _: None) -> Journal
     if lines and lines[0] == key:
         for line in lines[1:-1]:  # what follows the last newline was cut short
             try:
-                entries.append(json.loads(line))
+                entries.append(json.loads(line, object_hook=_as_it_was))
             except ValueError:
                 break
+    while entries and not goes_on(entries[-1]):
+        entries.pop()
     with replaced_if_own(path, MARK) as partial:
         partial.write_text("\n".join([key, *lines[1 : 1 + len(entries)]]) + "\n", encoding="utf-8")
     return Journal(path, tuple(entries))
@@ -105,5 +117,30 @@ def _software() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numpy's arrays and numbers as Python's."""
-    return value.tolist()
+    """Numpy's arrays and numbers in JSON's words: floats by their bytes, so that not a bit is lost nor a letter wasted."""
+    if not (isinstance(value, np.ndarray) and value.dtype == np.float64):
+        return value.tolist()
+    if value.ndim == 2 and np.array_equal(value, value.T, equal_nan=True):
+        return {_LOWER: _words(value[np.tril_indices(len(value))])}
+    return {_FLOATS: _words(value), "shape": value.shape}
+
+
+def _words(floats: NDArray[np.float64]) -> str:
+    return base64.b85encode(np.ascontiguousarray(floats, dtype="<f8").tobytes()).decode("ascii")
+
+
+def _as_it_was(told: dict[str, Any]) -> Any:
+    """What ``_plain`` made, undone; ValueError if it is damaged."""
+    if told.keys() == {_FLOATS, "shape"}:
+        return _floats(told[_FLOATS]).reshape(told["shape"])
+    if told.keys() != {_LOWER}:
+        return told
+    half = _floats(told[_LOWER])
+    size = int(np.sqrt(2 * len(half)))
+    whole = np.zeros((size, size))
+    whole[np.tril_indices(size)] = half
+    return np.where(np.tri(size, dtype=bool), whole, whole.T)
+
+
+def _floats(words: str) -> NDArray[np.float64]:
+    return np.frombuffer(base64.b85decode(words), dtype="<f8").astype(np.float64)

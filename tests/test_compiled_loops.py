@@ -16,8 +16,9 @@ from adapt.model.body import make_body, pose_skin, pose_skin_by_v_hat, pose_skin
 from adapt.model.shape.handle_space import affine_set
 from adapt.model.surface import incidence, vertex_normals
 from adapt.search.coarse_cost import Placements, Scene, costs, costs_by_arrays
-from capture.camera import Camera, backproject
+from capture.camera import Camera, backproject, ray_slopes
 from capture.cloud.fuse import Cloud, Region, View, pixels_inside, spread
+from capture.cloud.normals import radius_px, surface_at
 from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.compiled import compiled, compiled_sums, inlined
 from capture.rigid import apply, exp_so3, transform
@@ -99,6 +100,27 @@ def test_the_patches_of_a_ragged_depth_image_are_those_of_plain_arrays() -> None
     pixels = np.argwhere(depth > 0.0)  # up to the very edge
     fits = [fit(depth, pixels, radius_px=7, focal_px=580.0) for fit in (fit_patches, fit_patches_by_arrays)]
     np.testing.assert_allclose(fits[0], fits[1], atol=2e-5)
+
+
+@pytest.mark.parametrize("distortion", [(), (-0.2, 0.05, 0.003, -0.002, 0.01)])
+def test_points_and_normals_of_patches_are_those_of_plain_arrays(distortion: tuple[float, ...]) -> None:
+    rng, camera = np.random.default_rng(11), Camera(80, 60, 70.0, 72.0, 39.0, 31.0, distortion)
+    row, column = np.mgrid[:60, :80]
+    depth = (1.0 + 0.004 * row - 0.002 * column).astype(np.float32)
+    pixels = np.argwhere(rng.random(depth.shape) < 0.3)  # up to the very edge
+    points, normals = surface_at(depth, camera, pixels)
+    radius = radius_px(camera)
+    fit = fit_patches(depth, pixels, radius_px=radius, focal_px=camera.fx)
+    x, y = ray_slopes(camera).astype(np.float64).transpose(2, 0, 1)
+    row, column = pixels.T
+    z0, inverse = depth[row, column], 1.0 - fit[:, 0] / depth[row, column]
+    (xv, xu), (yv, yu) = (np.gradient(slope, edge_order=1) for slope in (x, y))
+    jacobian = np.stack([xu, yu, xv, yv], axis=-1)[row, column].reshape(-1, 2, 2)
+    slope = np.linalg.solve(jacobian, fit[:, 1:3, None])[..., 0] / (radius * z0)[:, None]
+    rays = np.column_stack([x[row, column], y[row, column], np.ones(len(pixels))])
+    expected = np.column_stack([slope, -inverse - (rays[:, :2] * slope).sum(axis=1)])
+    np.testing.assert_allclose(points, rays * (z0 / inverse)[:, None], rtol=1e-6)
+    np.testing.assert_allclose(normals, expected / np.linalg.norm(expected, axis=1, keepdims=True), atol=1e-5)
 
 
 def test_a_region_holds_the_pixels_whose_points_it_holds() -> None:

@@ -77,7 +77,7 @@ def test_tracking_onto_a_full_disk_keeps_what_was_tracked(limb, tmp_path):
     save_subject(limb.subject, tmp_path / "subject.npz")
     out = tmp_path / "motion"
     command = ("track", limb.recording.path, "--subject", tmp_path / "subject.npz", "--out", out)
-    with room_for(15_000):
+    with room_for(8_000):
         line = fails(*command, saying="File too large; make room")
     assert JOURNAL in line
     seen = []

@@ -19,8 +19,9 @@ import click
 import numpy as np
 import pytest
 
+from tests.test_curves import bends
 from track.cli import bonetrack
-from track.motion import load_motion
+from track.motion import load_motion, save_motion
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -40,6 +41,15 @@ def test_the_example_in_python_runs_and_finds_the_arm(limb, tmp_path, capsys):
     surface = np.load(out / "ulna_00000.npy")
     assert surface.shape == limb.subject.body.rest_bones["ulna"].shape
     assert (out / "motion.glb").stat().st_size > 100_000
+
+
+def test_the_example_of_curves_says_how_far_an_elbow_moves(arm, tmp_path, capsys):
+    turns = np.arange(300) / 50.0
+    save_motion(bends(arm, 1.0 - np.cos(np.pi * turns)), tmp_path)
+    runpy.run_path(str(DOCS / "examples" / "curves_of_a_motion.py"))["main"](tmp_path)
+    said = capsys.readouterr().out
+    assert "elbow flexion: moves 114.6 ± 0.0 degrees, at up to 18" in said
+    assert "in the middle of the mean repetition: 114.6 degrees (3 cycles)" in said
 
 
 def test_the_site_builds_without_a_warning(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt.anatomy_file import load_anatomy
 from adapt.model.body import make_body, pose_skin, posed_bones, rest_theta
+from capture.upright import AXES
 from tests.known_limb import bent, known_subject
 from tests.known_motion import HIDDEN, LOST, known_motion
 from tests.toy_anatomy import toy_anatomy
@@ -20,7 +22,7 @@ from track.export.gltf import write_gltf
 from track.export.linear_skin import STEPS, linear_skin, skin_gap
 from track.motion import Motion, MotionError, bones_and_centres, coordinate_names
 
-DTYPES = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
+DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 SIZES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -72,7 +74,8 @@ class ReadBack:
         weights = self.array(attributes.WEIGHTS_0)
         skin = self.gltf.skins[node.skin]
         back = self.array(skin.inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
-        moves = np.array([self.worlds(key)[joint] for joint in skin.joints]) @ back
+        worlds = self.worlds(key)
+        moves = np.array([worlds[joint] for joint in skin.joints]) @ back
         points = np.column_stack([rest, np.ones(len(rest))])
         return np.einsum("vk,vkij,vj->vi", weights, moves[joints], points)[:, :3]
 
@@ -104,11 +107,44 @@ def test_a_reader_finds_skin_and_bones_where_ours_are(written, limb, motion):
         np.testing.assert_allclose(read.bone(name, key), surface, atol=1e-5)
 
 
+@pytest.mark.parametrize("up", ["x", "-x", "-y", "z", "-z"])
+def test_what_points_up_in_the_recording_is_y_in_the_file_and_nothing_is_mirrored(limb, motion, tmp_path, up):
+    write_gltf(motion, limb.subject, tmp_path / "motion.glb", up=AXES[up])
+    read, theta = ReadBack(tmp_path / "motion.glb"), motion.thetas[9]
+    skin = pose_skin(limb.subject.body, theta)
+    np.testing.assert_allclose(read.skin(7)[:, 1], skin @ AXES[up], atol=1e-3)
+    turn, _ = Rotation.align_vectors(read.skin(7) - read.skin(7).mean(axis=0), skin - skin.mean(axis=0))
+    np.testing.assert_allclose(turn.apply(skin), read.skin(7), atol=1e-3)
+
+
+def test_another_reader_finds_the_same_meshes_and_places(written, limb):
+    trimesh = pytest.importorskip("trimesh", reason="reads glTF files in tests")
+    scene = trimesh.load(written[0])
+    assert len(scene.geometry["skin"].vertices) == len(limb.subject.body.v_tilde.value)
+    rest = scene.geometry["skin"].vertices
+    np.testing.assert_allclose(rest, limb.subject.body.v_tilde.value, atol=1e-6)
+
+
+def test_a_skeleton_of_more_joints_than_a_byte_counts_keeps_its_joints_apart(tmp_path, monkeypatch):
+    body = make_body(toy_anatomy())
+    thetas = np.array([rest_theta(body), rest_theta(body)])
+    thetas[1, 6:] += 0.2
+    subject = known_subject(body, np.zeros((0, thetas.shape[1])), np.zeros(0))
+    monkeypatch.setattr("track.export.gltf.linear_skin", partial(linear_skin, steps=300))
+    write_gltf(motion_of(subject, thetas), subject, tmp_path / "motion.glb")
+    read = ReadBack(tmp_path / "motion.glb")
+    assert len(read.gltf.skins[0].joints) > 256
+    off = np.linalg.norm(read.skin(1) - pose_skin(body, thetas[1]), axis=1)
+    assert off.max() < 1e-3
+
+
 def test_vertices_hang_on_four_joints_at_most_and_wholly(written):
     read = ReadBack(written[0])
     attributes = read.gltf.meshes[0].primitives[0].attributes
     weights, joints = read.array(attributes.WEIGHTS_0), read.array(attributes.JOINTS_0)
-    np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-6)
+    assert read.gltf.accessors[attributes.WEIGHTS_0].componentType == 5126  # single precision, so nothing is rounded
+    total = ((weights[:, 0] + weights[:, 1]) + weights[:, 2]) + weights[:, 3]  # as a reader adds them up
+    assert (np.abs(total - 1.0) <= 2e-7 * (weights > 0.0).sum(axis=1)).all()  # what the specification allows
     assert (weights >= 0.0).all()
     assert joints.max() < len(read.gltf.skins[0].joints) == 4 + STEPS - 1
     assert (joints[weights == 0.0] == 0).all()

@@ -59,17 +59,19 @@ OF_FILES: dict[str, Command] = {
     "cloud.ply": lambda m, out: ("fuse", m.recording, "--frame", 1, "--out", out),
     "errors.json": lambda m, out: ("evaluate", m.motion, "--truth", m.recording, "--subject", m.subject, "--out", out),
     "report.html": lambda m, out: ("report", m.motion, "--subject", m.subject, "--out", out),
+    "film.mp4": lambda m, out: ("movie", m.motion, "--subject", m.subject, "--width", 160, "--out", out),
     "scene.html": lambda m, out: ("view", m.motion, "--subject", m.subject, "--html", out),
 }
 
 MOTION_FILES = ("angles.mot", "angles_radians.mot", "coordinates.sto", "centres.trc", "markers.trc", "motion.glb")
 MOTION_FILES += tuple(f"{name}.{kind}" for name in ("angles", "centres", "bones") for kind in ("csv", "parquet"))
-MOTION_FILES += ("skin_00001.ply", "hand_00001.ply")
+MOTION_FILES += ("skin_00001.ply", "hand_00001.ply", "motion.usdc", "motion.bvh", "motion.c3d")
 SUBJECT_FILES = ("skin.ply", "hand.ply", f"{ANATOMY}.osim", "Geometry/hand.obj", "Geometry/hand.obj.ply")
 
 
 def exports_motion(m: Made, out: Path) -> tuple[object, ...]:
-    return ("export", m.motion, "--subject", m.subject, "--frame", 1, "--gltf", "--parquet", "--out", out)
+    files = ("--gltf", "--usd", "--bvh", "--gaps", "bridge", "--c3d", "--parquet")
+    return ("export", m.motion, "--subject", m.subject, "--frame", 1, *files, "--out", out)
 
 
 def exports_subject(m: Made, out: Path) -> tuple[object, ...]:
@@ -114,6 +116,10 @@ def by_another(path: Path) -> None:
         ".osim": "<?xml version='1.0'?>\n<OpenSimDocument Version='40000'><Model name='mine'/></OpenSimDocument>\n",
         ".jsonl": '{"my": "log"}\n',
         ".partial-journal": "notes\n",
+        ".usdc": "#usda 1.0\n",
+        ".mp4": "\0\0\0\x20ftypisom\n",
+        ".bvh": "HIERARCHY\nROOT Hips\n{\n\tOFFSET 0.0 0.0 0.0\n\tCHANNELS 3 Zrotation Xrotation Yrotation\n",
+        ".c3d": "\2P MANUFACTURER SOFTWARE Nexus\n",
     }
     if path.suffix in texts:
         path.write_text(texts[path.suffix], encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 from adapt import own_anatomy
 from adapt.anatomy import Anatomy, Coordinate
 from adapt.anatomy_check import refuse_unsound
-from adapt.anatomy_file import anatomy_names, former_anatomy, load_anatomy, save_anatomy
+from adapt.anatomy_file import anatomy_names, former_anatomies, load_anatomy, save_anatomy
 from adapt.mirror import mirrored
 from adapt.model.body import make_body, rest_theta
 from adapt.own_anatomy import DIGEST, KEY, content, is_comparable, is_shipped, kept_anatomy, other_side_asked
@@ -103,24 +103,34 @@ def test_a_subject_of_an_anatomy_that_ships_names_it_with_a_digest(arm: Anatomy,
     assert content(load_subject(path, anatomy=arm.name).anatomy) == content(arm)
 
 
-def written_before(path: Path, anatomy: str) -> Path:
-    """A subject's file as it was before templates had digests: changed in place."""
+def written_before(path: Path, anatomy: str, *, version: int = 2, **digest: np.ndarray) -> Path:
+    """A subject's file as a former version wrote it, at first without a digest: changed in place."""
     with np.load(path) as arrays:
         kept = {name: array for name, array in arrays.items() if name not in (KEY, DIGEST)}
-    told = json.loads(str(kept["description"])) | {"version": 2, "anatomy": anatomy}
-    np.savez_compressed(path, **(kept | {"description": np.array(json.dumps(told))}))
+    told = json.loads(str(kept["description"])) | {"version": version, "anatomy": anatomy}
+    np.savez_compressed(path, **(kept | {"description": np.array(json.dumps(told))} | digest))
     return path
 
 
 @pytest.mark.parametrize("name", ["lower-limb-right", "upper-limb-left"])
 def test_a_subject_of_before_the_templates_were_built_anew_has_the_bones_it_had(name: str, tmp_path: Path) -> None:
-    former = former_anatomy(name)
-    assert former is not None
+    former = next(former_anatomies(name))
     path = written_before(saved(former, tmp_path / "subject.npz"), name)
     again = load_subject(path, anatomy=name).anatomy
     assert content(again) == content(former) != content(load_anatomy(name))
     # Written by this version, it holds that anatomy itself.
     assert content(load_subject(saved(again, tmp_path / "copy.npz")).anatomy) == content(former)
+
+
+def test_a_subject_of_the_arm_that_shipped_until_it_kept_clear_of_a_bent_wrists_skin_has_that_arm(
+    tmp_path: Path,
+) -> None:
+    name = "upper-limb-left"
+    _, former = former_anatomies(name)
+    digest = {DIGEST: np.array(content(former))}
+    path = written_before(saved(former, tmp_path / "subject.npz"), name, version=4, **digest)
+    again = load_subject(path, anatomy=name).anatomy
+    assert content(again) == content(former) != content(load_anatomy(name))
 
 
 def test_a_subject_of_a_template_that_is_not_at_hand_is_refused_in_one_line(arm: Anatomy, tmp_path: Path) -> None:

@@ -7,12 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from adapt.subject import save_subject
 from tests.known_limb import KnownLimb
 from tests.known_motion import HIDDEN, WHY, known_motion, reported_subject
 
 pytest.importorskip("plotly", reason="plotly is not installed (extra: view)")
 
+from track.about import About, read_about
+from track.cli import bonetrack
+from track.motion import save_motion
 from track.settings import Settings
 from track.view.page import ReportError
 from track.view.report import write_report
@@ -99,9 +104,53 @@ def test_the_ranges_are_those_of_the_frames_that_are_known(limb: KnownLimb, read
     i = motion.coordinates.index("elbow_flexion")
     low, high = np.rad2deg([np.nanmin(motion.thetas[:, i]), np.nanmax(motion.thetas[:, i])])
     text = " ".join(" ".join(read.text).split())
-    assert f"elbow_flexion (deg) {low:.1f} ± 1.5" in text
+    assert f"elbow flexion (deg) elbow_flexion {low:.1f} ± 1.5" in text
     assert f"{high:.1f} ± 1.5" in text
     assert f"{high - low:.1f}" in text
+
+
+def test_the_first_section_is_for_whoever_treats_the_person(limb: KnownLimb, tmp_path: Path) -> None:
+    motion, about = known_motion(limb), About("Arm after week 6", "P07 <x>", "week 6", "wrist taped & sore")
+    write_report(motion, reported_subject(limb), None, tmp_path / "r.html", title="motion", about=about)
+    page = _Page()
+    page.feed((tmp_path / "r.html").read_text(encoding="utf-8"))
+    text = " ".join(" ".join(page.text).split())
+    first = text[: text.index("Lengths of bones")]
+    degrees = np.rad2deg(motion.thetas[:, motion.coordinates.index("elbow_flexion")])
+    for words in (
+        "Arm after week 6",
+        "Person P07 <x> Session week 6 Limb right arm",
+        "wrist taped & sore",
+        "83 % of the recording could be followed.",
+        "1.2 mm from what the sensors saw (median).",
+        "Angles are stated to be within 3.0 to 3.0 degrees, 19 times in 20.",
+        f"elbow flexion (deg) {np.nanmin(degrees):.0f} ± 3 {np.nanmax(degrees):.0f} ± 3",
+        "-2 to 146 the straight arm",
+        "Zwerus et al. 2019",
+        "2 of 12 frames: only … % of the skin that should show was found.",
+        "The hand was out of sight in 1 more frames; nothing is said of it there.",
+    ):
+        assert words in first, words
+
+
+def test_a_report_that_knows_of_nobody_leaves_the_person_out(read: _Page) -> None:
+    text = " ".join(" ".join(read.text).split())
+    assert "Limb right arm" in text
+    assert "Person" not in text
+
+
+def test_what_the_command_is_told_of_the_person_stays_with_the_motion(limb: KnownLimb, tmp_path: Path) -> None:
+    (tmp_path / "motion").mkdir()
+    save_motion(known_motion(limb), tmp_path / "motion")
+    save_subject(reported_subject(limb), tmp_path / "s.npz")
+    command = ["report", str(tmp_path / "motion"), "--subject", str(tmp_path / "s.npz"), "--out"]
+    told = CliRunner().invoke(bonetrack, [*command, str(tmp_path / "one.html"), "--person", "P07", "--note", "taped"])
+    assert told.exit_code == 0, told.output
+    again = CliRunner().invoke(bonetrack, [*command, str(tmp_path / "two.html"), "--session", "before"])
+    assert again.exit_code == 0, again.output
+    assert read_about(tmp_path / "motion") == About(person="P07", session="before", note="taped")
+    page = (tmp_path / "two.html").read_text(encoding="utf-8")
+    assert all(words in page for words in ("P07", "before", "taped"))
 
 
 def test_the_bands_are_one_and_two_deviations_and_leave_out_what_is_not_known(limb: KnownLimb) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy_file import former_anatomy, load_anatomy
+from adapt.anatomy_file import former_anatomies, load_anatomy
 from adapt.template_builder.__main__ import PLANS
 from adapt.template_builder.depth_checks import depth_checks
 from adapt.template_builder.meshes import Mesh, level_set
@@ -45,7 +45,7 @@ def test_bones_lie_as_deep_as_in_people(name):
 
 
 def test_the_template_as_it_was_fails_the_check_of_depths():
-    arm, plan = former_anatomy("upper-limb-right"), PLANS["upper-limb-right"]
+    arm, plan = next(former_anatomies("upper-limb-right")), PLANS["upper-limb-right"]
     failed = {c.name for c in depth_checks(arm, plan) if not c.passed}
     assert "ulna's border, 50 % beneath the skin, no more" in failed
 

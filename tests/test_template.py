@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.anatomy_file import load_anatomy
+from adapt.anatomy_file import former_anatomies, load_anatomy
 from adapt.model.body import bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.template_builder import checks
 from adapt.template_builder.__main__ import PLANS
+from adapt.template_builder.assemble import holders
 from adapt.template_builder.check import Check, require
 from adapt.template_builder.meshes import Mesh, boundary_loop, level_set, simplified
+from adapt.template_builder.plan import HeldPart
 from adapt.template_builder.pose_bones import ROOT, PoseProblem, Target, Unknown, fit_pose, placed_bodies
 from adapt.template_builder.skin import Cut, catmull_clark, closed, cut_off, height_in
-from adapt.template_builder.sources_myosim import SourceBody, SourceHinge, SourceSkeleton
+from adapt.template_builder.sources_myosim import SourceBody, SourceHinge, SourceSkeleton, StatedJoint, restated
 from adapt.template_builder.tetrahedra import TetMesh, evaluate, with_corners_at
 from adapt.template_builder.upper_limb import UPPER_LIMB_RIGHT
 from adapt.template_builder.weights import bounded_biharmonic
@@ -72,18 +74,26 @@ def test_bone_heads_and_landmarks_stay_together_when_proportions_change(limb):
     all_pass(checks.drift_checks(limb))
 
 
-OUT_M = 0.0002  # of a metacarpal in a wrist bent as far as it goes: its back lies as shallow as people's
-
-
-def test_no_bone_comes_out_of_the_skin_at_the_ends_of_the_range_of_motion(body):
-    for coordinate in ("elbow_flexion", "pro_sup", "flexion", "deviation"):
+def least_depth(body, ends):
+    """How deep (m) the shallowest vertex of each bone lies at these ends of coordinates' ranges, the others at rest."""
+    theta = rest_theta(body)
+    for coordinate, end in ends.items():
         index = body.anatomy.coordinate_index(coordinate)
-        for end in ("low", "high"):
-            theta = rest_theta(body)
-            theta[index] = getattr(body.anatomy.coordinates[index], end)
-            skin = Mesh(pose_skin(body, theta), body.anatomy.skin_faces)
-            for name, vertices in posed_bones(body, theta).items():
-                assert skin.depth(vertices).min() > -OUT_M, (coordinate, end, name)
+        theta[index] = getattr(body.anatomy.coordinates[index], end)
+    skin = Mesh(pose_skin(body, theta), body.anatomy.skin_faces)
+    return {name: skin.depth(vertices).min() for name, vertices in posed_bones(body, theta).items()}
+
+
+@pytest.mark.parametrize("coordinate", ["elbow_flexion", "pro_sup", "flexion", "deviation"])
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_no_bone_comes_out_of_the_skin_at_the_ends_of_the_range_of_motion(body, coordinate, end):
+    assert min(least_depth(body, {coordinate: end}).values()) > 0.0
+
+
+def test_the_carpus_stays_beneath_the_skin_of_a_wrist_bent_two_ways_at_once_as_it_did_not(body):
+    bent = {"deviation": "low", "flexion": "high"}
+    *_, former = former_anatomies("upper-limb-right")
+    assert least_depth(make_body(former), bent)["hand"] < 0.0 < least_depth(body, bent)["hand"]
 
 
 def test_the_template_is_what_its_plan_says(limb):
@@ -104,6 +114,35 @@ def test_it_is_a_right_arm_with_the_radius_on_the_thumbs_side(arm):
     fingers = point(arm, "finger3_tip") - point(arm, "MC3_base")
     palm = np.cross(across, fingers)
     assert palm @ (point(arm, "wrist_deviation_axis_palmar") - point(arm, "wrist_deviation_axis_dorsal")) > 0.0
+
+
+def about(arm, axis, points):
+    """Distances (N,) m along an axis from its first landmark, and how points (N, 3) lie off it (N, 3) m."""
+    first, second = (point(arm, name) for name in axis)
+    direction = (second - first) / np.linalg.norm(second - first)
+    along = (points - first) @ direction
+    return along, points - first - np.outer(along, direction)
+
+
+def test_the_elbow_turns_where_the_trochlea_is_narrowest(arm):
+    axis = ("elbow_axis_medial", "elbow_axis_lateral")
+    along, off = about(arm, axis, arm.bone("humerus").vertices)
+    along -= np.linalg.norm(point(arm, axis[1]) - point(arm, axis[0])) / 2.0
+    radius = np.linalg.norm(off, axis=1)
+    at = {mm: np.median(radius[(np.abs(along - 1e-3 * mm) < 0.0015) & (radius < 0.013)]) for mm in (-10, 0, 8)}
+    assert 0.007 < at[0] < 0.0095
+    assert at[0] + 0.001 < min(at[-10], at[8])  # towards the trochlea's inner rim and towards the capitulum
+
+
+@pytest.mark.parametrize(("bone", "head"), [("radius", "radial_head"), ("ulna", "ulnar_head")])
+def test_the_forearm_turns_about_the_middles_of_both_heads(arm, bone, head):
+    axis = ("ulnar_head", "radial_head")
+    vertices = arm.bone(bone).vertices
+    along, off = about(arm, axis, vertices)
+    near = np.abs(along - about(arm, axis, point(arm, head)[None])[0]) < 0.004
+    across = np.linalg.svd(off - off.mean(axis=0), full_matrices=False)[2][:2]
+    ring = off[near] @ across.T
+    assert np.linalg.norm(ring.max(axis=0) + ring.min(axis=0)) / 2.0 < 0.0016
 
 
 def test_the_arm_has_a_mans_proportions(arm):
@@ -229,6 +268,18 @@ def test_bounded_biharmonic_weights_hold_at_handles_and_rise_between_them():
     assert np.all(np.diff(rising) > 0.05)
 
 
+def test_small_bones_hold_what_lies_around_them_too_but_nothing_of_another_bone():
+    small, radius = sphere(0.005, 0.001), sphere(0.02, 0.002)
+    inside = {"humerus": Mesh(small.vertices - 1.0, small.faces), "ulna": Mesh(small.vertices + 1.0, small.faces)}
+    inside |= {"hand": small, "radius": Mesh(radius.vertices + np.array([0.0, 0.0265, 0.0]), radius.faces)}
+    held = HeldPart("hand", "hand", "start", "end", -0.02, around=0.003)
+    plan = replace(UPPER_LIMB_RIGHT, held=(held,), cushions=())
+    along = {"start": np.zeros(3), "end": np.array([0.0, -1.0, 0.0])}
+    points = np.array([[0.0, 0, 0], [0.007, 0, 0], [0.0, -0.009, 0], [0.0, 0.0072, 0]])
+    carriers = [plan.deformers[k].name if k >= 0 else "" for k in holders(points, plan, inside, along)]
+    assert carriers == ["hand", "hand", "", "forearm"]
+
+
 def two_bodies():
     stick = np.array([[0.0, 0, 0], [0.0, -1.0, 0]])
     nothing = np.zeros((0, 3), dtype=np.int64)
@@ -248,3 +299,19 @@ def test_the_pose_fit_recovers_a_known_pose_and_scale():
     targets = tuple(Target(b, np.array(x), placed[b].points(np.array(x)), 1e-3) for b, x in spots)
     found = fit_pose(replace(problem, targets=targets), lambda points: np.ones(len(points)))
     assert {name: pytest.approx(value, abs=1e-3) for name, value in truth.items()} == found
+
+
+def test_a_joint_that_a_plan_states_replaces_the_sources_and_leaves_the_bone():
+    sideways = SourceHinge("bend", np.array([1.0, 0.0, 0.0]), 0.0, 2.0)
+    stated = restated(two_bodies(), {"lower": StatedJoint((0.1, -1.0, 0.0), (sideways,))})
+    rotation, position = stated.bodies["lower"].in_parent({"bend": np.pi / 2.0})
+    np.testing.assert_allclose(position, [0.1, -1.0, 0.0])
+    np.testing.assert_allclose(rotation @ [0.0, -1.0, 0.0], [0.0, 0.0, -1.0], atol=1e-12)
+    np.testing.assert_array_equal(stated.bodies["lower"].vertices, two_bodies().bodies["lower"].vertices)
+
+
+def test_no_joint_of_the_arm_is_the_sources():
+    """What was released for non-commercial use is not taken: elbow, forearm and wrist are stated, and credited."""
+    assert {axis.body for axis in UPPER_LIMB_RIGHT.axes} == set(UPPER_LIMB_RIGHT.stated)
+    licences = {licence for _, _, licence in UPPER_LIMB_RIGHT.upstream}
+    assert {"CC BY 3.0", "BSD-2-Clause"} <= licences

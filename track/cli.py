@@ -15,9 +15,13 @@ from capture.errors import BonetrackError
 from track.accuracy.commands import evaluate_command
 from track.batch.commands import batch_command
 from track.commands import demo_command, track_command
+from track.curves.commands import curves_command
+from track.curves.compare_command import compare_command
 from track.export.commands import export_command
+from track.markers.commands import import_markers_command
 from track.simulation.commands import simulate_command
 from track.view.commands import report_command, view_command
+from track.view.film_commands import movie_command
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -39,7 +43,11 @@ for command in (
     batch_command,
     evaluate_command,
     export_command,
+    curves_command,
+    compare_command,
+    import_markers_command,
     view_command,
+    movie_command,
     report_command,
 ):
     bonetrack.add_command(command)

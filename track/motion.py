@@ -23,6 +23,7 @@ from capture.own import arrays_of, replaced_if_own
 from capture.recording.types import HEADER_FILE
 from track.observed_bones import Bools, centres_known
 from track.settings import Settings
+from track.strip import strip
 
 FORMAT = "bonetrack-motion"
 MARK = arrays_of(FORMAT)
@@ -66,6 +67,10 @@ class Motion:
     def tracked(self) -> np.ndarray:
         """Which frames (T,) were tracked."""
         return np.array([reason == TRACKED for reason in self.lost])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows of a motion: which frames were tracked."""
+        return strip(self.anatomy, self.times, self.tracked, self.shown)
 
     def hidden(self, frame: int) -> list[str]:
         """Names of the bones that do not show in a frame."""

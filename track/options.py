@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from adapt.anatomy import Floats
 from capture.provenance import recording_used, region_used, sensors_used, versions
 from capture.recording import Recording, Region
+from capture.upright import up_direction
 from track.motion import MotionError
 from track.poses_by_hand import HandPose
 from track.settings import Settings
@@ -61,6 +62,7 @@ class TrackOptions:
         """What a motion says of how it was tracked: the ``subject``'s fingerprint, and all thresholds by name."""
         options = {
             **recording_used(recording),
+            "up": up_direction(recording).tolist(),
             "subject_fingerprint": subject,
             **region_used(recording, self.region),
             **sensors_used(recording),

@@ -1,7 +1,7 @@
 """Track a whole recording: frame by frame, written as it goes, resumed after a kill.
 
 Each finished frame is a line of ``MOTION/frames.jsonl``. The same command reads it back, drops an incomplete
-last line, and goes on from there; the final files replace it at the end. After the last frame the gaps are gone into
+last line and up to four before it, and goes on from there; the final files replace it at the end. After the last frame the gaps are gone into
 backward (``track.backward_pass``); those lines tell the anchor that tracking went back from.
 """
 
@@ -47,6 +47,7 @@ from track.tracker import Tracker, make_tracker
 
 JOURNAL = "frames.jsonl"
 _ANCHOR = "anchor"  # names the journal's lines of frames tracked backward
+_STATE, _EVERY = "state", 5  # what tracking goes on from stands beside every fifth frame: so few are tracked again
 
 Progress = Callable[[int, int], None]
 """Told how many frames of how many are done."""
@@ -86,7 +87,8 @@ def track_recording(
     tracker = make_tracker(subject, options.thresholds)
     settings = options.used(recording, subject=subject_fingerprint(subject), thresholds=tracker.decided_by())
     region = options.region or region_of_interest(recording)
-    journal = resume_journal(out / JOURNAL, _key(recording, tracker, options, region), told)
+    key = _key(recording, tracker, options, region)
+    journal = resume_journal(out / JOURNAL, key, told, goes_on=lambda entry: _STATE in entry)
     looks_first = not (by_hand or options.keep_searching)
     work = _Work(tracker, recording, region, moments, journal, looks_first=looks_first)
     frames = work.forward(by_hand, progress)
@@ -119,7 +121,7 @@ class _Work:
         """All frames in order of time."""
         done = [entry for entry in self.journal.entries if _ANCHOR not in entry]
         frames = [_frame(entry) for entry in done]
-        state = _state(done[-1]["state"]) if done else self.tracker.nothing_known()
+        state = _state(done[-1][_STATE]) if done else self.tracker.nothing_known()
         left = self.moments[len(frames) :]
         with closing(one_ahead(self._target, left)) as targets:
             for moment, target in zip(left, targets, strict=True):
@@ -128,9 +130,13 @@ class _Work:
                 if self.looks_first and not np.isfinite(before.time_s):
                     self._look_first(frame, target, first=not frames)
                 frames.append(frame)
-                self.journal.append({**asdict(frame), "state": asdict(state)})
+                self.journal.append(asdict(frame) | self._kept(state, len(frames)))
                 progress(len(frames), len(self.moments))
         return frames
+
+    def _kept(self, state: TrackerState, count: int) -> dict[str, Any]:
+        """What the journal's line of the last of ``count`` frames says of the state."""
+        return {_STATE: asdict(state)} if count % _EVERY == 0 or count == len(self.moments) else {}
 
     def _look_first(self, frame: TrackedFrame, target: Target | CloudError, *, first: bool) -> None:
         """Refuse a recording that does not show the subject, or shows it twice, by the frames up to the first find."""
@@ -150,12 +156,12 @@ class _Work:
             if (anchor, k) not in done:
                 target = self._target(self.moments[k])
                 frame, state = self._track(-self.moments[k].time_s, target, state, searching=False)
-                entry = {_ANCHOR: anchor, "index": k, **asdict(frame), "state": asdict(state)}
+                entry = {_ANCHOR: anchor, "index": k, **asdict(frame), _STATE: asdict(state)}
                 self.journal.append(entry)
                 progress(count, count)
                 return frame, state
             entry = done[anchor, k]
-            return _frame(entry), _state(entry["state"])
+            return _frame(entry), _state(entry[_STATE])
 
         for anchor in anchors(frames):
             frames = go_back(self.tracker, frames, anchor, partial(step, anchor))

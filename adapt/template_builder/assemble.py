@@ -18,7 +18,7 @@ from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.skin import evened, height_in, smooth_limb
 from adapt.template_builder.skin_depth import at_depths
 from adapt.template_builder.sources_makehuman import load_skin
-from adapt.template_builder.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, shifted
+from adapt.template_builder.sources_myosim import SourceSkeleton, in_pieces, load_skeleton, restated, shifted
 from adapt.template_builder.tetrahedra import TetMesh, evaluate, tetrahedralised, with_corners_at
 from adapt.template_builder.weights import bounded_biharmonic, normalised
 
@@ -113,7 +113,8 @@ def _bones(
 
 def source_of(plan: LimbPlan) -> SourceSkeleton:
     """The source skeleton as a plan wants it, at its own size."""
-    return in_pieces(load_skeleton(plan.bodies, without=plan.without, follows=plan.follows), plan.pieces)
+    skeleton = load_skeleton(plan.bodies, without=plan.without, follows=plan.follows)
+    return in_pieces(restated(skeleton, plan.stated), plan.pieces)
 
 
 def _handles(skeleton: SourceSkeleton, placements: dict[str, Placement], plan: LimbPlan) -> tuple[Handle, ...]:
@@ -142,21 +143,31 @@ def _handle_weights(mesh: TetMesh, heads: list[Floats], own: list[int], *, withi
 
 
 def _deformer_weights(mesh: TetMesh, plan: LimbPlan, inside: dict[str, Mesh], landmarks: dict[str, Floats]) -> Floats:
-    """Weights (N, D) of the deformers inside the limb; what lies inside a deformer's bones belongs to it alone."""
-    inside_bone = {name: surface.depth(mesh.points) for name, surface in inside.items()}
+    """Weights (N, D) of the deformers inside the limb; what a deformer holds belongs to it alone."""
+    owner = holders(mesh.points, plan, inside, landmarks)
+    weights = bounded_biharmonic(mesh, [np.flatnonzero(owner == index) for index in range(len(plan.deformers))])
+    return normalised(np.where(weights < _LEAST_WEIGHT, 0.0, weights))
+
+
+def holders(points: Floats, plan: LimbPlan, inside: dict[str, Mesh], landmarks: dict[str, Floats]) -> Ints:
+    """Which deformer (N,) holds points (N, 3) of the limb, by its bones ``inside`` or a cushion; -1: none does."""
+    inside_bone = {name: surface.depth(points) for name, surface in inside.items()}
     depth = {(deformer.name, bone): inside_bone[bone] for deformer in plan.deformers for bone in deformer.bones}
     for held in plan.held:
-        along = _along(mesh.points, landmarks[held.start], landmarks[held.end])
+        along = _along(points, landmarks[held.start], landmarks[held.end])
         key = held.deformer, held.bone
         depth[key] = np.where(along > held.beyond, depth[key], -np.inf)
     deepest = np.stack([np.max([depth[d.name, bone] for bone in d.bones], axis=0) for d in plan.deformers])
     owner = np.where(deepest.max(axis=0) > 0.0, np.argmax(deepest, axis=0), -1)
+    numbers = {deformer.name: number for number, deformer in enumerate(plan.deformers)}
+    for held in plan.held:
+        around = depth[held.deformer, held.bone] > -held.around
+        owner = np.where(around & (owner == -1), numbers[held.deformer], owner)
     for cushion in plan.cushions:
-        near = np.linalg.norm(mesh.points - landmarks[cushion.landmark], axis=1) < cushion.radius
+        near = np.linalg.norm(points - landmarks[cushion.landmark], axis=1) < cushion.radius
         carrier = next(k for k, deformer in enumerate(plan.deformers) if cushion.bone in deformer.bones)
         owner = np.where(near & (owner == -1), carrier, owner)
-    weights = bounded_biharmonic(mesh, [np.flatnonzero(owner == index) for index in range(len(plan.deformers))])
-    return normalised(np.where(weights < _LEAST_WEIGHT, 0.0, weights))
+    return np.asarray(owner)
 
 
 def _along(points: Floats, start: Floats, end: Floats) -> Floats:

@@ -37,6 +37,7 @@ from adapt.template_builder.plan import (
     RampPlan,
     SplinePlan,
 )
+from adapt.template_builder.sources_myosim import BONE_GEOMETRY
 
 HANDLES = (
     HandlePlan("pelvis_proximal", "pelvis", "crest", PointPlan("", "pelvis", "at", (-0.1144, 0.0258, 0.0480))),
@@ -150,6 +151,10 @@ DEFORMERS = (
 LOWER_LIMB_RIGHT = LimbPlan(
     name="lower-limb-right",
     side="right",
+    upstream=(
+        BONE_GEOMETRY,
+        ("that leg's joints before that", "the full body gait model of Rajagopal et al. (2016)", "MIT"),
+    ),
     facts=(
         (
             "knee and kneecap over flexion; joint axes, ranges, signs and names of coordinates",
@@ -191,6 +196,7 @@ LOWER_LIMB_RIGHT = LimbPlan(
     without=("l_pelvis",),
     pieces=TOES,
     follows=FOLLOWS,
+    stated={},
     # A little out of the socket, which in the source is coarse and shallow: the femur stands in it by 10 mm.
     shifts={"femur_r": (0.0030, -0.0025, 0.0030)},
     bones=BONES,

@@ -12,7 +12,7 @@ from adapt.template_builder.meshes import Mesh
 from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.skin import Cut
 from adapt.template_builder.sources_makehuman import SourceSkin
-from adapt.template_builder.sources_myosim import Follow, Piece, SourceSkeleton
+from adapt.template_builder.sources_myosim import Follow, Piece, SourceSkeleton, StatedJoint
 from adapt.template_builder.superficial import Spot
 
 Vector = tuple[float, float, float]
@@ -144,6 +144,9 @@ class RampPlan:
 class HeldPart:
     """The part of a bone that holds tissue for a deformer: beyond ``beyond`` (m) from ``start`` towards ``end``.
 
+    It holds what lies inside it and, unless that lies inside another bone, what lies within ``around`` (m) of it: of
+    bones that are small beside the tetrahedra there may be no corner inside.
+
     Between two bones of many small ones (a wrist, an ankle) the skin moves gradually, over more than the joint line.
     Where two deformers share a bone, each holds its own end.
     """
@@ -153,6 +156,7 @@ class HeldPart:
     start: str
     end: str
     beyond: float
+    around: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -166,10 +170,14 @@ class Cushion:
 
 @dataclass(frozen=True)
 class LimbPlan:
-    """All of it. ``facts`` are (what, from where) and ``notes`` a paragraph of choices, both for the record."""
+    """All of it. For the record: ``upstream``, what the source's bones go back to, and ``facts``, as rows of a table
+
+    (what, from where, under which licence; facts have none), and ``notes``, a paragraph of choices.
+    """
 
     name: str
     side: Literal["right", "left"]
+    upstream: tuple[tuple[str, str, str], ...]
     facts: tuple[tuple[str, str], ...]
     notes: str
     skin: SkinPlan
@@ -177,6 +185,7 @@ class LimbPlan:
     without: tuple[str, ...]  # meshes of those bodies that are left out
     pieces: tuple[Piece, ...]  # bodies that are taken apart
     follows: dict[str, Follow]  # bodies that follow a table instead of their hinges
+    stated: dict[str, StatedJoint]  # bodies whose joints are not the source's
     shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
     bones: tuple[BonePlan, ...]
     points: tuple[PointPlan, ...]

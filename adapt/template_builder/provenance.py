@@ -37,7 +37,9 @@ def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list
     tets = ", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
+    upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in plan.upstream)
     facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
+    bones = "bones" if plan.stated else "bones, joint axes"
     return f"""# {plan.name}
 
 Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoformat()}.
@@ -46,7 +48,8 @@ Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoform
 
 | what | from | licence |
 |---|---|---|
-| bones, joint axes | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
+| {bones} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
+{upstream}
 | skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
 {version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
 {facts}
@@ -58,9 +61,9 @@ September 2020. Shape targets and their weights: {targets}; the body scaled to a
 
 - Skin: axes turned to X forward, Y up, Z right; metres; Catmull-Clark subdivision; cut off by {_planes(plan)}, closed
   with flat caps; resampled to {len(anatomy.skin_vertices)} evenly spread vertices; then moved along its normals,
-  smoothly, by up to 14 mm (leg) and 7 mm (arm), until bones lie as deep as in the table below, and clear.
+  smoothly, by up to 14 mm (leg) and 8 mm (arm), until bones lie as deep as in the table below, and clear.
 - Bones: holes closed and facets rounded by a level set where the source is open or coarse; simplified; posed into the
-  skin by the source's own hinges and one scale per group of bones (across and along the shaft); some parts joined
+  skin by its joints and one scale per group of bones (across and along the shaft); some parts joined
   to one rigid bone; bodies moved in their parents (m, at the source's size): {plan.shifts or "none"}; meshes left
   out: {", ".join(plan.without) or "none"}.
 {_COMPUTED}

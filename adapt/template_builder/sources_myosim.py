@@ -7,7 +7,7 @@ axes (X forward, Y up, Z right). Lengths in metres.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -26,6 +26,14 @@ Ints = NDArray[np.int64]
 
 PACKAGE = "myo-sim"
 MODEL = "myofullbody"
+
+BONE_GEOMETRY = (
+    "those bones' surfaces before that",
+    "the bone geometry of OpenSim (the OpenSim Development Team, opensim.stanford.edu), which the models share that "
+    f"the package was converted from, as the NOTICE of PyPI `musclemimic-models` 1.0.6 tells of `{PACKAGE}`",
+    "CC BY 3.0",
+)
+"""A row of a record's sources: what, from where, under which licence."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,14 @@ class Follow:
     in_parent: Callable[[float], Floats]
     anchor: tuple[float, float, float]
     alignment: tuple[SourceHinge, ...] = ()
+
+
+@dataclass(frozen=True)
+class StatedJoint:
+    """Where a body's origin sits in its parent (m), and its hinges in order, when a plan states them itself."""
+
+    position: tuple[float, float, float]
+    hinges: tuple[SourceHinge, ...]
 
 
 @dataclass(frozen=True)
@@ -151,6 +167,17 @@ def load_skeleton(
             raise AnatomyError(f"no body {name!r}", where=f"{PACKAGE} {MODEL}", remedy="use the tested release")
         bodies[name] = replace(_body(model, index, name, without), follow=(follows or {}).get(name))
     return SourceSkeleton(release=version(PACKAGE), bodies=bodies)
+
+
+def restated(skeleton: SourceSkeleton, joints: Mapping[str, StatedJoint]) -> SourceSkeleton:
+    """The skeleton with the joints of some bodies, by name, where a plan states them; their bones keep their frames."""
+    bodies = {
+        name: replace(body, position=np.array(joints[name].position), hinges=joints[name].hinges)
+        if name in joints
+        else body
+        for name, body in skeleton.bodies.items()
+    }
+    return replace(skeleton, bodies=bodies)
 
 
 def shifted(skeleton: SourceSkeleton, shifts: dict[str, tuple[float, float, float]]) -> SourceSkeleton:

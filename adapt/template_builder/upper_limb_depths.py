@@ -14,6 +14,10 @@ _FACE = (
     "lie over it; no measurement was found"
 )
 _BURSA = f"{_FACE}; a bursa or a tendon's edge may lie between"
+_TENDONS = (
+    "ASSUMED to be deeper than where skin and fascia alone lie over bone, for the retinaculum and the extensors' "
+    "tendons run over the back of the carpus; no measurement was found. So deep it stays under the skin of a bent wrist"
+)
 
 
 def _border(share: float) -> Spot:
@@ -26,6 +30,12 @@ def _metacarpal(number: int, share: float) -> Spot:
     return Spot(name, "hand", start, 0.0020, 0.0060, _BURSA, to=end, share=share, along=0.005, across=0.014)
 
 
+def _carpus(where: str, share: float) -> Spot:
+    """All around the hand at one height of the carpus, of which the back and the sides are the shallowest."""
+    name = f"carpus, towards the {where}"
+    return Spot(name, "hand", "capitate", 0.0045, 0.0100, _TENDONS, to="MC3_head", share=share)
+
+
 SPOTS = (
     Spot("medial epicondyle", "humerus", "EM", 0.0025, 0.0060, _FACE),
     Spot("lateral epicondyle", "humerus", "EL", 0.0025, 0.0060, _BURSA),
@@ -33,6 +43,8 @@ SPOTS = (
     *(_border(share) for share in (0.1, 0.25, 0.5, 0.75, 0.9)),
     Spot("ulnar styloid", "ulna", "US", 0.0025, 0.0060, _FACE),
     Spot("radial styloid", "radius", "RS", 0.0020, 0.0060, _BURSA, along=0.010),
+    _carpus("radius", -0.15),
+    _carpus("metacarpals", 0.02),
     *(_metacarpal(number, share) for number in (2, 3, 5) for share in (0.25, 0.75)),
 )
 

@@ -108,7 +108,7 @@ def _arm_problem(skeleton: SourceSkeleton, goals: dict[str, Floats]) -> PoseProb
         Unknown("log_forearm_across", -0.03, 0.02),
         Unknown("elbow_flexion_r", radians(45.0), 0.3, 0.0, 2.0),
         Unknown("pro_sup_r", radians(35.0), 2.0, -1.5, 1.5),
-        Unknown("deviation_r", 0.0, 0.2, radians(-25.0), radians(10.0)),
+        Unknown("deviation_r", 0.0, 0.2, radians(-10.0), radians(25.0)),
         Unknown("flexion_r", 0.0, 0.2, -0.7, 0.7),
     )
     vertices = {name: skeleton.bodies[name].vertices for name in ARM}
@@ -140,7 +140,7 @@ def _hand_problem(
     skeleton: SourceSkeleton, goals: dict[str, Floats], held: dict[str, float], start: dict[str, float]
 ) -> PoseProblem:
     unknowns = [
-        Unknown("deviation_r", start["deviation_r"], 0.15, radians(-25.0), radians(10.0)),
+        Unknown("deviation_r", start["deviation_r"], 0.15, radians(-10.0), radians(25.0)),
         Unknown("flexion_r", start["flexion_r"], 0.2, -0.7, 0.7),
         Unknown("log_palm_across", -0.04, 0.03),
         Unknown("log_palm_along", 0.13, 0.02),

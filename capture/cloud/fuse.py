@@ -183,16 +183,25 @@ def pixels_inside(view: View, region: Region) -> tuple[Pixels, Floats, Mask]:
 
     The mask (H, W) marks the same pixels.
     """
-    marked, slopes = np.zeros(view.depth.shape, dtype=np.bool_), ray_slopes(view.camera)
-    count = _mark(view.depth, slopes, view.world_from_sensor, region.minimum, region.maximum, marked)
-    pixels, points = np.zeros((count, 2), dtype=np.intp), np.zeros((count, 3))
-    _list(view.depth, slopes, marked, pixels, points)
-    return pixels, points, marked
+    marked, most = np.zeros(view.depth.shape, dtype=np.bool_), np.count_nonzero(view.depth)
+    pixels, points = np.empty((most, 2), dtype=np.intp), np.empty((most, 3))
+    t, slopes = view.world_from_sensor, ray_slopes(view.camera)
+    count = _inside(view.depth, slopes, t, region.minimum, region.maximum, marked, pixels, points)
+    return pixels[:count], points[:count], marked
 
 
 @compiled
-def _mark(depth: Image, slopes: Image, t: Floats, minimum: Floats, maximum: Floats, marked: Mask) -> int:
-    """Marks the pixels whose points the region holds, and counts them; ``t`` is where the sensor stands."""
+def _inside(
+    depth: Image,
+    slopes: Image,
+    t: Floats,
+    minimum: Floats,
+    maximum: Floats,
+    marked: Mask,
+    pixels: Pixels,
+    points: Floats,
+) -> int:
+    """Marks and lists the pixels whose points the region holds, and counts them; ``t`` is where the sensor stands."""
     count = 0
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):
@@ -204,19 +213,9 @@ def _mark(depth: Image, slopes: Image, t: Floats, minimum: Floats, maximum: Floa
             for i in range(3):
                 world = t[i, 0] * x + t[i, 1] * y + t[i, 2] * z + t[i, 3]
                 within = within and minimum[i] <= world <= maximum[i]
-            marked[row, column] = within
-            count += within
+            if within:
+                marked[row, column] = True
+                pixels[count, 0], pixels[count, 1] = row, column
+                points[count, 0], points[count, 1], points[count, 2] = x, y, z
+                count += 1
     return count
-
-
-@compiled
-def _list(depth: Image, slopes: Image, marked: Mask, pixels: Pixels, points: Floats) -> None:
-    at = 0
-    for row in range(depth.shape[0]):
-        for column in range(depth.shape[1]):
-            if marked[row, column]:
-                z = depth[row, column]
-                pixels[at, 0], pixels[at, 1] = row, column
-                points[at, 0], points[at, 1] = slopes[row, column, 0] * z, slopes[row, column, 1] * z
-                points[at, 2] = z
-                at += 1

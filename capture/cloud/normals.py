@@ -7,6 +7,7 @@ import numpy as np
 from capture.camera import Camera, ray_slopes
 from capture.cloud.patches import SMOOTHING_ANGLE, Pixels, fit_patches
 from capture.cloud.preprocess import Image
+from capture.compiled import compiled
 from capture.rigid import Floats
 
 
@@ -18,7 +19,9 @@ def surface_at(depth: Image, camera: Camera, pixels: Pixels) -> tuple[Floats, Fl
     if not len(pixels):
         return np.zeros((0, 3)), np.zeros((0, 3))
     fit = fit_patches(depth, pixels, radius_px=radius_px(camera), focal_px=camera.fx)
-    return _on_rays(fit, camera, pixels, depth[pixels[:, 0], pixels[:, 1]])
+    points, normals = np.zeros((len(pixels), 3)), np.zeros((len(pixels), 3))
+    _on_rays(fit, ray_slopes(camera), pixels, depth, float(radius_px(camera)), points, normals)
+    return points, normals
 
 
 def radius_px(camera: Camera) -> int:
@@ -30,30 +33,29 @@ def radius_px(camera: Camera) -> int:
     return max(2, round(SMOOTHING_ANGLE * camera.fx))
 
 
-def _on_rays(fit: Floats, camera: Camera, pixels: Pixels, z0: Image) -> tuple[Floats, Floats]:
-    """Points and normals of patches at their pixels: z = z0 / (1 - a / z0), n from the gradient of 1 / z.
+@compiled
+def _on_rays(
+    fit: Floats, slopes: Image, pixels: Pixels, depth: Image, radius_px: float, points: Floats, normals: Floats
+) -> None:
+    """Fills points and normals (N, 3) of patches at their pixels: z = z0 / (1 - a / z0), n from the gradient of 1 / z.
 
     On the plane n . P = h, P = z (x, y, 1), the inverse depth w = n . (x, y, 1) / h is linear in the ray slopes x, y,
     so n is along (dw/dx, dw/dy, w - x dw/dx - y dw/dy); its product with P is positive, so -n faces the sensor.
     """
-    slopes = ray_slopes(camera)[pixels[:, 0], pixels[:, 1]].astype(np.float64)
-    rays = np.column_stack([slopes, np.ones(len(slopes))])
-    inverse = 1.0 - fit[:, 0] / z0
-    by_pixel = fit[:, 1:3] / (radius_px(camera) * z0[:, None])
-    by_row, by_column = by_pixel.T
-    (xx, xy), (yx, yy) = _slope_changes(camera, pixels).transpose(1, 2, 0)
-    along = np.column_stack([yy * by_row - xy * by_column, xx * by_column - yx * by_row])  # Cramer's rule
-    along /= (xx * yy - xy * yx)[:, None]
-    normals = np.column_stack([along, -inverse - (slopes * along).sum(axis=1)])
-    return rays * (z0 / inverse)[:, None], normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-def _slope_changes(camera: Camera, pixels: Pixels) -> Floats:
-    """Change of the ray slopes per pixel (N, 2, 2): entry (i, j) of slope j along the row (0), down the column (1)."""
-    slopes = ray_slopes(camera)
-    row, column = pixels[:, 0], pixels[:, 1]
-    right, left = np.minimum(column + 1, camera.width - 1), np.maximum(column - 1, 0)
-    down, up = np.minimum(row + 1, camera.height - 1), np.maximum(row - 1, 0)
-    along_row = (slopes[row, right] - slopes[row, left]) / (right - left)[:, None]
-    down_column = (slopes[down, column] - slopes[up, column]) / (down - up)[:, None]
-    return np.stack([along_row, down_column], axis=1).astype(np.float64)
+    last_row, last_column = slopes.shape[0] - 1, slopes.shape[1] - 1
+    for m in range(len(pixels)):
+        row, column = pixels[m]
+        z0, inverse = float(depth[row, column]), 1.0 - fit[m, 0] / depth[row, column]
+        right, left = min(column + 1, last_column), max(column - 1, 0)
+        down, up = min(row + 1, last_row), max(row - 1, 0)
+        across, along = slopes[row, right] - slopes[row, left], slopes[down, column] - slopes[up, column]
+        xx, xy = float(across[0]) / (right - left), float(across[1]) / (right - left)
+        yx, yy = float(along[0]) / (down - up), float(along[1]) / (down - up)
+        by_column, by_row = fit[m, 1] / (radius_px * z0), fit[m, 2] / (radius_px * z0)
+        apart = xx * yy - xy * yx  # Cramer's rule
+        x, y = float(slopes[row, column, 0]), float(slopes[row, column, 1])
+        a, b = (yy * by_column - xy * by_row) / apart, (xx * by_row - yx * by_column) / apart
+        c = -inverse - (x * a + y * b)
+        z, length = z0 / inverse, np.sqrt(a * a + b * b + c * c)
+        points[m, 0], points[m, 1], points[m, 2] = x * z, y * z, z
+        normals[m, 0], normals[m, 1], normals[m, 2] = a / length, b / length, c / length

@@ -28,6 +28,7 @@ from capture.compiled import compiled_sums
 from capture.rigid import Floats
 
 Pixels = NDArray[np.intp]
+Steps = NDArray[np.uintp]  # unsigned, for compiled loops ask of signed ones whether they count from behind
 
 SMOOTHING_ANGLE = 0.0125
 """The window's radius seen from the sensor (rad): 15 mm at 1.2 m. Noise grows with distance, so the window does."""
@@ -39,8 +40,7 @@ _NOISE_STEPS = 0.3  # standard deviation of even rounding, in steps
 _FARTHEST_RESIDUAL = 8.0  # in standard deviations; beyond it the second pass leaves a reading out
 _LEAST_SUPPORT = 0.1  # of the first pass's weight that the second has to keep
 _PAIRS = np.tril_indices(6)
-_KNOWN = np.zeros((6, 6), dtype=np.bool_)  # pairs of terms of which another pair has the product, but for a factor
-_KNOWN[[3, 4, 5, 4, 5, 5], [0, 0, 0, 1, 1, 3]] = True
+_AT_ONCE = 64  # pixels
 
 
 def fit_patches(depth: Image, pixels: Pixels, *, radius_px: int, focal_px: float) -> Floats:
@@ -50,11 +50,12 @@ def fit_patches(depth: Image, pixels: Pixels, *, radius_px: int, focal_px: float
     """
     offsets, terms, products = _window(radius_px)
     padded = np.pad(depth, radius_px)
-    corners = (pixels[:, 0] + radius_px) * padded.shape[1] + pixels[:, 1] + radius_px
-    steps = offsets[:, 0] * padded.shape[1] + offsets[:, 1]
+    corners = (pixels[:, 0] * padded.shape[1] + pixels[:, 1]).astype(np.uintp)  # of the square about the window
+    steps = ((offsets[:, 0] + radius_px) * padded.shape[1] + offsets[:, 1] + radius_px).astype(np.uintp)
     cone = ((_STEEPEST_SLOPE / focal_px) * np.hypot(offsets[:, 0], offsets[:, 1])).astype(np.float32)
     fit = np.zeros((len(pixels), 6))
-    _fit_each(padded.ravel(), corners, steps, cone, terms, products, fit)
+    z0 = depth[pixels[:, 0], pixels[:, 1]]
+    _fit_each(padded.ravel(), corners, steps, z0, cone, terms, products, fit)
     return fit
 
 
@@ -78,81 +79,114 @@ def _window(radius: int) -> tuple[Pixels, Image, Image]:
 
 @compiled_sums
 def _fit_each(
-    depth: Image, corners: Pixels, steps: Pixels, cone: Image, terms: Image, products: Image, fit: Floats
+    depth: Image, corners: Steps, steps: Steps, z0: Image, cone: Image, terms: Image, products: Image, fit: Floats
 ) -> None:
-    """Both passes, pixel by pixel: of depth (flat), at ``corners`` (N,) with the window's ``steps`` (K,)."""
-    one, two = np.float32(1.0), np.float32(2.0 * DEPTH_STEP)
-    q, gates = np.zeros(len(steps), dtype=np.float32), np.zeros(len(steps), dtype=np.float32)
+    """Both passes, some pixels at once: of depth (flat), from ``corners`` (N,) with the window's ``steps`` (K,).
+
+    Sums over the windows of some pixels are one matrix product, and few enough that these stay in the fastest memory.
+    """
+    first, second = np.ascontiguousarray(products[:6].T), np.ascontiguousarray(products[6:].T)
+    q, gates = np.zeros((_AT_ONCE, len(steps)), dtype=np.float32), np.zeros((_AT_ONCE, len(steps)), dtype=np.float32)
     squared = np.zeros(len(steps), dtype=np.float32)
-    normal, known = np.zeros((6, 6)), np.zeros(6, dtype=np.float32)
-    for m in range(len(corners)):
-        z0 = depth[corners[m]]
-        noise = np.float32(_NOISE_STEPS * DEPTH_STEP) * z0 * z0
-        for k in range(len(steps)):
-            z = depth[corners[m] + steps[k]]
-            q[k] = z0 - z0 * z0 / (z if z > 0.0 else z0)
-            gates[k] = 1.0 if z > 0.0 and abs(q[k]) <= cone[k] * z0 + two * z0 * z0 else 0.0
-        _solve(q, gates, products, z0, noise, normal, fit[m])
-        for j in range(6):
-            known[j] = fit[m, j]
-        per_noise = one / (np.float32(_FARTHEST_RESIDUAL) * noise)
-        before, kept = np.float32(0.0), np.float32(0.0)
-        for k in range(len(steps)):
-            off = q[k] - known[0] * terms[0, k] - known[1] * terms[1, k] - known[2] * terms[2, k]
-            off = (off - known[3] * terms[3, k] - known[4] * terms[4, k] - known[5] * terms[5, k]) * per_noise
-            squared[k] = off * off
-            before += gates[k] * products[0, k]
-            kept += gates[k] * products[0, k] * max(one - squared[k], np.float32(0.0))
-        while kept < np.float32(_LEAST_SUPPORT) * before:
-            kept = np.float32(0.0)
-            for k in range(len(steps)):
-                squared[k] *= np.float32(0.25)
-                kept += gates[k] * products[0, k] * max(one - squared[k], np.float32(0.0))
-        for k in range(len(steps)):
-            gates[k] *= max(one - squared[k], np.float32(0.0))
-        _solve(q, gates, products, z0, noise, normal, fit[m])
+    for begin in range(0, len(corners), _AT_ONCE):
+        end = min(begin + _AT_ONCE, len(corners))
+        for m in range(end - begin):
+            _read(depth, corners[begin + m], steps, z0[begin + m], cone, q[m], gates[m])
+        count, own, mine = end - begin, z0[begin:end], fit[begin:end]
+        support = _solve(q[:count], gates[:count], first, second, own, mine)
+        patch = np.dot(mine.astype(np.float32), terms)
+        for m in range(count):
+            _close_gates(q[m], patch[m], products[0], support[m], own[m], squared, gates[m])
+        _solve(q[:count], gates[:count], first, second, own, mine)
 
 
 @compiled_sums
-def _solve(q: Image, gates: Image, products: Image, z0: float, noise: float, normal: Floats, fit: Floats) -> None:
-    """One pass of one patch: the normal equations, and their solution (6,) by Cholesky's factors.
+def _read(depth: Image, corner: np.uintp, steps: Steps, z0: float, cone: Image, q: Image, gates: Image) -> None:
+    """The readings q (K,) around a pixel, and their gates, 1 in the cone or 0."""
+    squared, least = z0 * z0, np.float32(2.0 * DEPTH_STEP) * z0 * z0
+    for k in range(len(steps)):
+        z = depth[corner + steps[k]]
+        off = z0 - squared / (z if z > 0.0 else z0)
+        q[k] = off
+        gates[k] = np.float32(1.0) if z > 0.0 and abs(off) <= cone[k] * z0 + least else np.float32(0.0)
 
-    No pivot is below its prior but for rounding, and rounding must not take a root of less than nothing.
-    """
-    for i in range(6):
-        total = np.float32(0.0)
+
+@compiled_sums
+def _close_gates(
+    q: Image, patch: Image, weights: Image, support: float, z0: float, squared: Image, gates: Image
+) -> None:
+    """Leaves out readings (K,) far from the first patch (K,), how far being doubled until enough support is left."""
+    one = np.float32(1.0)
+    per_noise = one / (np.float32(_FARTHEST_RESIDUAL * _NOISE_STEPS * DEPTH_STEP) * z0 * z0)
+    kept = np.float32(0.0)
+    for k in range(len(q)):
+        off = (q[k] - patch[k]) * per_noise
+        squared[k] = off * off
+        kept += gates[k] * weights[k] * max(one - squared[k], np.float32(0.0))
+    while kept < np.float32(_LEAST_SUPPORT) * support:
+        kept = np.float32(0.0)
         for k in range(len(q)):
-            total += gates[k] * q[k] * products[i, k]
-        fit[i] = total
-    at = 6
+            squared[k] *= np.float32(0.25)
+            kept += gates[k] * weights[k] * max(one - squared[k], np.float32(0.0))
+    for k in range(len(q)):
+        gates[k] *= max(one - squared[k], np.float32(0.0))
+
+
+@compiled_sums
+def _solve(q: Image, gates: Image, first: Image, second: Image, z0: Image, fit: Floats) -> Image:
+    """One pass of some patches: normal equations, their solutions (M, 6) by Cholesky's factors; readings' weight (M,).
+
+    Each step is taken for all patches before the next, for so the processor takes several at a time. No pivot is
+    below its prior but for rounding, and rounding must not take a root of less than nothing.
+    """
+    pairs, right = np.dot(gates, second), np.dot(q * gates, first)
+    normal, solution, prior = np.zeros((6, 6, len(z0))), np.zeros((6, len(z0))), np.zeros((6, len(z0)))
+    at = 0
     for i in range(6):
+        for m in range(len(z0)):
+            solution[i, m] = right[m, i]
         for j in range(i + 1):
-            if not _KNOWN[i, j]:
-                total = np.float32(0.0)
-                for k in range(len(q)):
-                    total += gates[k] * products[at, k]
-                normal[i, j] = total
+            for m in range(len(z0)):
+                normal[i, j, m] = pairs[m, at]
             at += 1
-    normal[3, 0], normal[4, 0], normal[5, 0] = 0.5 * normal[1, 1], normal[2, 1], 0.5 * normal[2, 2]
-    normal[4, 1], normal[5, 1], normal[5, 3] = 2.0 * normal[3, 2], 0.5 * normal[4, 2], 0.25 * normal[4, 4]
-    radius_m = SMOOTHING_ANGLE * z0
-    slope = (noise / (_EXPECTED_SLOPE * radius_m)) ** 2
-    curvature = (noise / (_EXPECTED_CURVATURE * radius_m**2)) ** 2
+    for m in range(len(z0)):
+        noise, radius_m = np.float32(_NOISE_STEPS * DEPTH_STEP) * z0[m] * z0[m], SMOOTHING_ANGLE * z0[m]
+        prior[1:3, m] = (noise / (_EXPECTED_SLOPE * radius_m)) ** 2
+        prior[3:6, m] = (noise / (_EXPECTED_CURVATURE * radius_m**2)) ** 2
+    _by_factors(normal, prior, solution)
     for i in range(6):
-        prior = 0.0 if i == 0 else slope if i < 3 else curvature
-        normal[i, i] += prior
+        for m in range(len(z0)):
+            fit[m, i] = solution[i, m]
+    return pairs[:, 0]
+
+
+@compiled_sums
+def _by_factors(normal: Floats, prior: Floats, solution: Floats) -> None:
+    """Solves M systems, of (6, 6, M) with (6, M) on their diagonals: right-hand sides (6, M) become solutions."""
+    count = normal.shape[2]
+    for i in range(6):
+        for m in range(count):
+            normal[i, i, m] += prior[i, m]
         for j in range(i + 1):
-            rest = normal[i, j]
             for k in range(j):
-                rest -= normal[i, k] * normal[j, k]
-            normal[i, j] = np.sqrt(max(rest, prior)) if i == j else rest / normal[j, j]
+                for m in range(count):
+                    normal[i, j, m] -= normal[i, k, m] * normal[j, k, m]
+            if j < i:
+                for m in range(count):
+                    normal[i, j, m] *= normal[j, j, m]
+        for m in range(count):  # what is kept of the diagonal is one over the factor's
+            normal[i, i, m] = 1.0 / np.sqrt(max(normal[i, i, m], prior[i, m]))
         for k in range(i):
-            fit[i] -= normal[i, k] * fit[k]
-        fit[i] /= normal[i, i]
+            for m in range(count):
+                solution[i, m] -= normal[i, k, m] * solution[k, m]
+        for m in range(count):
+            solution[i, m] *= normal[i, i, m]
     for i in range(5, -1, -1):
         for k in range(i + 1, 6):
-            fit[i] -= normal[k, i] * fit[k]
-        fit[i] /= normal[i, i]
+            for m in range(count):
+                solution[i, m] -= normal[k, i, m] * solution[k, m]
+        for m in range(count):
+            solution[i, m] *= normal[i, i, m]
 
 
 def fit_patches_by_arrays(depth: Image, pixels: Pixels, *, radius_px: int, focal_px: float) -> Floats:

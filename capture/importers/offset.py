@@ -109,7 +109,7 @@ def _change(before: Floats, now: Floats) -> float:
     return (moved + _LARGEST_CHANGE_M * np.count_nonzero(seen_before != seen_now)) / now.size
 
 
-def estimate_offset(first: MotionSignal, second: MotionSignal, *, where: Path) -> Offset:
+def estimate_offset(first: MotionSignal, second: MotionSignal, *, where: str | Path) -> Offset:
     """The offset at which two courses of motion agree best.
 
     The standard deviation is the jackknife's: the course is cut into pieces, and the best shift is found again with
@@ -135,7 +135,7 @@ def estimate_offset(first: MotionSignal, second: MotionSignal, *, where: Path) -
     significance = _significance(a, b, int(lags[best]), float(agreement[best]))
     if not significance >= _LEAST_SIGNIFICANCE:
         raise _refused(
-            f"shows too little motion that fits the other sensor's (correlation {agreement[best]:.2f}, "
+            f"shows too little motion that fits the other's (correlation {agreement[best]:.2f}, "
             f"{max(significance, 0.0):.1f} deviations from chance)",
             where,
         )
@@ -148,7 +148,7 @@ def estimate_offset(first: MotionSignal, second: MotionSignal, *, where: Path) -
     left_out = np.array([_refined(a, b, int(lags[best]), ~np.isin(np.arange(len(a)), piece)) for piece in pieces])
     deviation = math.sqrt((_PIECES - 1) / _PIECES * float(((left_out - left_out.mean()) ** 2).sum())) * STEP_S
     if not deviation <= _LARGEST_DEVIATION_S:
-        raise _refused(f"fits the other sensor's motion only to within {deviation:.2f} s", where)
+        raise _refused(f"fits the other's motion only to within {deviation:.2f} s", where)
     return Offset(float(found * STEP_S), math.hypot(deviation, _VIEW_DEVIATION_S), float(agreement[best]))
 
 
@@ -172,7 +172,7 @@ def _autocorrelation(x: Floats) -> Floats:
     return np.asarray(full[: len(x) // 4] / full[0]) if full[0] > 0.0 else np.ones(1)
 
 
-def _refused(problem: str, where: Path) -> RecordingError:
+def _refused(problem: str, where: str | Path) -> RecordingError:
     return RecordingError(problem, where=where, remedy="give the time between the sensors' first frames with --offset")
 
 

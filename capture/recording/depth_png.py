@@ -73,15 +73,23 @@ def decode(data: bytes, *, width: int, height: int, where: Path) -> Readings:
         ...
     capture.errors.RecordingError: 000000.png: is truncated: the image's end is missing; ...
     """
+    from capture.recording.png_rows import rows_of  # compiled: imported where work begins
+
     claimed = _claimed_size(data, where)
     if claimed != (width, height):
         raise _other_size(claimed, (width, height), where)
-    if _check_chunks(data, where) * _LARGEST_RATIO < 2 * width * height:
+    stream, plain = _checked_stream(data, where)
+    if len(stream) * _LARGEST_RATIO < 2 * width * height:
         raise RecordingError("is damaged (too short for the size it claims)", where=where, remedy=_DAMAGED)
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    image = rows_of(stream, width=width, height=height) if plain else _by_library(data)
     if image is None or image.dtype != np.uint16 or image.shape != (height, width):
         raise RecordingError("cannot be decoded as a 16-bit grey PNG", where=where, remedy=_DAMAGED)
-    return np.asarray(image)
+    return image
+
+
+def _by_library(data: bytes) -> Readings | None:
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    return None if image is None else np.asarray(image)
 
 
 def write_readings(path: Path, readings: Readings) -> None:
@@ -127,19 +135,25 @@ def _claimed_size(data: bytes, path: Path) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _check_chunks(data: bytes, path: Path) -> int:
-    """Walk the chunks (length, type, content, CRC) up to IEND; the bytes of image data in them."""
-    at, content = len(_SIGNATURE), 0
+def _checked_stream(data: bytes, path: Path) -> tuple[bytes, bool]:
+    """Walk the chunks (length, type, content, CRC) up to IEND; their image data, and whether that is plain rows.
+
+    Interlaced rows, and readings that mean "transparent", are left to the image library.
+    """
+    at, stream = len(_SIGNATURE), list[bytes]()
+    plain = data[26:29] == bytes(3)
     while True:
         if at + 12 > len(data):
             raise RecordingError("is truncated: the image's end is missing", where=path, remedy=_DAMAGED)
         length = int.from_bytes(data[at : at + 4], "big")
-        end = at + 12 + length
+        kind, end = data[at + 4 : at + 8], at + 12 + length
         if end > len(data):
             raise RecordingError("is truncated: the image's end is missing", where=path, remedy=_DAMAGED)
         if zlib.crc32(data[at + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
             raise RecordingError("is damaged (a checksum does not match)", where=path, remedy=_DAMAGED)
-        if data[at + 4 : at + 8] == b"IEND":
-            return content
-        content += length if data[at + 4 : at + 8] == b"IDAT" else 0
+        if kind == b"IEND":
+            return b"".join(stream), plain
+        if kind == b"IDAT":
+            stream.append(data[at + 8 : end - 4])
+        plain = plain and kind != b"tRNS"
         at = end

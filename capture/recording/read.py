@@ -95,12 +95,13 @@ def read_depth(sensor: Sensor, frame: FrameFile) -> NDArray[np.float32]:
     ...     read_depth(sensor, frame).astype(float).round(6).tolist()
     [[0.0, 1.5, 0.0]]
     """
+    from capture.recording.png_rows import metres_of  # compiled: imported where work begins
+
     camera = sensor.camera
     readings = depth_png.read_readings(frame.path, width=camera.width, height=camera.height)
-    depth = readings.astype(np.float32)
-    depth *= np.float32(sensor.depth_unit_m)
     nearest, farthest = np.array(sensor.depth_range_m) / sensor.depth_unit_m
-    depth[(readings < round(nearest)) | (readings > round(farthest))] = 0.0
+    depth = np.zeros(readings.shape, dtype=np.float32)
+    metres_of(readings, np.float32(sensor.depth_unit_m), round(nearest), round(farthest), depth)
     return depth
 
 

@@ -89,11 +89,11 @@ def deepest_overlap(body: Body, first: str, second: str, poses: list[dict[str, f
 def deepest_source_overlaps() -> dict[tuple[str, str], float] | None:
     """The same (m) for the source skeleton over the same poses, or None when it is not installed."""
     try:
+        from adapt.template_builder.assemble import source_of
         from adapt.template_builder.checks import source_bone
-        from adapt.template_builder.sources_myosim import load_skeleton
         from adapt.template_builder.upper_limb import UPPER_LIMB_RIGHT as PLAN
 
-        source = load_skeleton(PLAN.bodies)
+        source = source_of(PLAN)
     except Exception as error:  # not installed, or a release with other names: the table goes without
         stdout.print(f"[dim]without the source skeleton: {error}[/dim]")
         return None

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 from capture.console import stdout
+from capture.upright import AXES
 
 if TYPE_CHECKING:
-    from adapt.subject import Subject
-    from track.motion import Motion
+    from track.export.bvh import Gaps
 
 _PATH = click.Path(path_type=Path)
+_ONE_FILE = ("gltf", "usd", "bvh", "c3d")
 
 
 @click.command("export")
@@ -23,60 +24,59 @@ _PATH = click.Path(path_type=Path)
 @click.option(
     "--gltf", is_flag=True, help="Also write a motion as an animated skeleton with skin and bones, motion.glb."
 )
+@click.option("--usd", is_flag=True, help="The same as USD, motion.usdc.")
+@click.option("--bvh", is_flag=True, help="Also write a motion as a skeleton alone, motion.bvh.")
+@click.option("--c3d", is_flag=True, help="Also write joint centres and landmarks as motion.c3d.")
 @click.option("--parquet", is_flag=True, help="Also write a motion's tables as Parquet.")
+@click.option(
+    "--gaps",
+    type=click.Choice(["bridge", "hold", "split"]),
+    help="What becomes of lost frames in BVH: even motion, the pose before, or a file for each span between.",
+)
+@click.option(
+    "--up", type=click.Choice(list(AXES)), help="The recording's axis that points up, if the motion does not know."
+)
 @click.option("--out", required=True, type=_PATH, help="The folder to write.")
-def export_command(source: Path, subject: Path | None, frame: int | None, gltf: bool, parquet: bool, out: Path) -> None:
-    """Write a subject or a motion (SOURCE) for other tools: PLY, .osim, .mot, .sto, .trc, CSV, Parquet, glTF."""
+def export_command(
+    source: Path,
+    subject: Path | None,
+    frame: int | None,
+    parquet: bool,
+    gaps: Gaps | None,
+    up: str | None,
+    out: Path,
+    **one_file: bool,
+) -> None:
+    """Write a subject or a motion (SOURCE) for other tools.
+
+    PLY, .osim, .mot, .sto, .trc and CSV, and what options name: Parquet, glTF, USD, BVH, C3D.
+    """
     from adapt.subject import load_subject
-    from capture.own import refuse_foreign
+    from track.export.animations import Asked, refuse_formats, write_formats
     from track.export.files import export_motion, export_subject
-    from track.export.glb import MARK
     from track.motion import MotionError, load_motion, refuse_recording
 
-    if source.is_dir():
+    names = [name for name in _ONE_FILE if one_file[name]]
+    if not source.is_dir():
+        if names or parquet:
+            options = ", ".join(f"--{name}" for name in [*names, *(["parquet"] if parquet else [])])
+            raise click.UsageError(f"{options} go with a motion: name its folder and --subject")
+        paths = export_subject(load_subject(source), out)
+    else:
         refuse_recording(source)
         if subject is None:
             raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
-        if gltf:
-            refuse_foreign(out / "motion.glb", MARK)
-        motion = load_motion(source)
-        whose = load_subject(subject)
+        motion, whose, asked = load_motion(source), load_subject(subject), Asked(AXES.get(up or ""), gaps)
         try:
-            written = export_motion(motion, whose, out, frame=frame, parquet=parquet)
+            refuse_formats(names, motion, out, asked)
+            paths = export_motion(motion, whose, out, frame=frame, parquet=parquet)
+            more = write_formats(names, motion, whose, out, asked)
         except MotionError as error:  # it knows the motion, not the folder it came from
             raise MotionError(error.problem, where=error.where or source, remedy=error.remedy) from error
         if frame is not None and motion.hidden(frame):
             stdout.print(f"left out, for they do not show in frame {frame}: {', '.join(motion.hidden(frame))}")
-        if gltf:
-            written.append(_gltf(motion, whose, out / "motion.glb"))
-    elif gltf or parquet:
-        raise click.UsageError("--gltf and --parquet go with a motion: name its folder and --subject")
-    else:
-        written = export_subject(load_subject(source), out)
-    for path in written:
+        for line in more.said:
+            stdout.print(line, soft_wrap=True)
+        paths += more.paths
+    for path in paths:
         stdout.print(str(path), highlight=False)
-
-
-def _gltf(motion: Motion, subject: Subject, path: Path) -> Path:
-    """Write the motion, and say what the file does not say exactly."""
-    from track.export.gltf import write_gltf
-
-    report = write_gltf(motion, subject, path)
-    off = report.skin
-    stdout.print(
-        f"{path.name}: its skin is off the model's by {1e3 * off.mean_m:.2f} mm in the mean, at most "
-        f"{1e3 * off.largest_m:.1f} mm (frame {report.worst_frame}), because it is blended linearly",
-        soft_wrap=True,
-    )
-    if report.lost_frames:
-        stdout.print(
-            f"{path.name}: {report.lost_frames} lost frame(s) have no keys; viewers pass over them evenly",
-            soft_wrap=True,
-        )
-    if report.frames_with_hidden_bones:
-        stdout.print(
-            f"{path.name}: bones vanish where they do not show ({report.frames_with_hidden_bones} frame(s)); "
-            "their skin stays, on guessed poses",
-            soft_wrap=True,
-        )
-    return path

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from capture.own import Mark, replaced_if_own
 
 _MAGIC, _VERSION, _JSON, _BIN = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
-_COMPONENTS = {np.dtype("<u1"): 5121, np.dtype("<u4"): 5125, np.dtype("<f4"): 5126}
+_COMPONENTS = {np.dtype("<u1"): 5121, np.dtype("<u2"): 5123, np.dtype("<u4"): 5125, np.dtype("<f4"): 5126}
 _TARGETS = {"vertices": 34962, "faces": 34963}
 GENERATOR = "bonetrack"
 MARK = Mark(re.compile(rb'\AglTF.{16}\{"asset":\{[^}]*"generator":"%b"' % GENERATOR.encode(), re.DOTALL))
@@ -33,7 +33,7 @@ class Glb:
     def add(
         self,
         values: NDArray[Any],
-        kind: Literal["<f4", "<u4", "<u1"] = "<f4",
+        kind: Literal["<f4", "<u4", "<u2", "<u1"] = "<f4",
         *,
         use: Literal["vertices", "faces"] | None = None,
         bounds: bool = False,

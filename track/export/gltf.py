@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.surface import incidence, vertex_normals
 from adapt.subject import Subject
 from capture.rigid import apply, inverse
+from capture.upright import AXES
 from track.export.glb import Glb
+from track.export.joint_keys import joint_keys, posed_joints
 from track.export.linear_skin import LinearSkin, SkinGap, linear_skin, skin_gap
+from track.export.upright import y_up
 from track.motion import Motion, MotionError
 
 _MATERIALS: list[dict[str, Any]] = [
@@ -47,8 +49,11 @@ class GltfReport:
     frames_with_hidden_bones: int
 
 
-def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
-    """Write a motion of the subject as ``.glb``: metres, the recording's frame, time 0 at the first frame.
+def write_gltf(motion: Motion, subject: Subject, path: Path, *, up: Floats = AXES["y"]) -> GltfReport:
+    """Write a motion of the subject as ``.glb``: metres, y up, time 0 at the first frame.
+
+    ``up`` (3,) is the direction of the recording's frame that points up (``capture.upright``); where it is y, positions
+    are those of the recording's frame.
 
     Raises:
         MotionError: no frame was tracked.
@@ -61,9 +66,8 @@ def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
     meshes = [_skin_mesh(glb, skin), *_bone_meshes(glb, skin)]
     bone_nodes = _attach_bones(skin, nodes)
     nodes.append({"name": "skin", "mesh": 0, "skin": 0})
-    channels = _joint_channels(glb, skin, motion.times[motion.tracked] - motion.times[0], thetas) + _bone_channels(
-        glb, motion, bone_nodes
-    )
+    times = motion.times[motion.tracked] - motion.times[0]
+    channels = _joint_channels(glb, skin, times, thetas, y_up(up)) + _bone_channels(glb, motion, bone_nodes)
     document = {
         "extras": {"anatomy": motion.anatomy, "lost_frames": np.flatnonzero(~motion.tracked).tolist()},
         "scene": 0,
@@ -95,9 +99,13 @@ def write_gltf(motion: Motion, subject: Subject, path: Path) -> GltfReport:
 def _joint_nodes(skin: LinearSkin) -> list[dict[str, Any]]:
     """A node for every joint, at rest, with its children."""
     nodes: list[dict[str, Any]] = []
-    for k, (name, local) in enumerate(zip(skin.names, _local(skin, skin.rest), strict=True)):
-        translation, rotation, _ = _parts(local)
-        node = {"name": name, "translation": translation.tolist(), "rotation": rotation.tolist()}
+    rest = joint_keys(skin, skin.rest[None])
+    for k, name in enumerate(skin.names):
+        node = {
+            "name": name,
+            "translation": rest.translations[0, k].tolist(),
+            "rotation": rest.rotations[0, k].tolist(),
+        }
         children = [child for child, parent in enumerate(skin.parents) if parent == k]
         nodes.append(node | ({"children": children} if children else {}))
     return nodes
@@ -117,8 +125,9 @@ def _skin_mesh(glb: Glb, skin: LinearSkin) -> dict[str, Any]:
     mesh = _mesh(glb, "skin", skin.body.v_tilde.value, skin.body.anatomy.skin_faces, _SKIN)
     weights = skin.weights.astype(np.float32)
     weights[:, 0] = 1.0 - weights[:, 1:].sum(axis=1)  # in single precision, too, they sum up to 1
+    index: Literal["<u1", "<u2"] = "<u1" if len(skin.names) <= 256 else "<u2"  # a byte holds no more
     mesh["primitives"][0]["attributes"] |= {
-        "JOINTS_0": glb.add(np.where(weights > 0.0, skin.joints, 0), "<u1", use="vertices"),
+        "JOINTS_0": glb.add(np.where(weights > 0.0, skin.joints, 0), index, use="vertices"),
         "WEIGHTS_0": glb.add(weights, use="vertices"),
     }
     return mesh
@@ -143,17 +152,15 @@ def _mesh(glb: Glb, name: str, vertices: Floats, faces: Ints, material: int) -> 
 
 
 def _joint_channels(
-    glb: Glb, skin: LinearSkin, times: Floats, thetas: Floats
+    glb: Glb, skin: LinearSkin, times: Floats, thetas: Floats, turned: Floats
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Keys of every joint at times (T,) s with poses (T, n): pairs of a sampler and its target."""
-    keys = glb.add(times, bounds=True)
-    frames = np.array([_local(skin, skin.frames(theta)) for theta in thetas])
+    """Keys of every joint at times (T,) s with poses (T, n), all ``turned``: pairs of a sampler and its target."""
+    keys, at = glb.add(times, bounds=True), joint_keys(skin, posed_joints(skin, thetas, turned))
     channels = []
     for k in range(len(skin.names)):
-        translation, rotation, scale = _parts(frames[:, k])
-        parts = {"translation": translation, "rotation": _continuous(rotation)}
-        if not np.allclose(scale, 1.0, atol=1e-6):
-            parts["scale"] = scale
+        parts = {"translation": at.translations[:, k], "rotation": at.rotations[:, k]}
+        if not np.allclose(at.scales[:, k], 1.0, atol=1e-6):
+            parts["scale"] = at.scales[:, k]
         for part, values in parts.items():
             sampler = {"input": keys, "interpolation": "LINEAR", "output": glb.add(values)}
             channels.append((sampler, {"node": k, "path": part}))
@@ -173,22 +180,3 @@ def _bone_channels(glb: Glb, motion: Motion, nodes: dict[str, int]) -> list[tupl
             sampler = {"input": times, "interpolation": "STEP", "output": scale}
             channels.append((sampler, {"node": nodes[name], "path": "scale"}))
     return channels
-
-
-def _local(skin: LinearSkin, frames: Floats) -> Floats:
-    """Frames (J, 4, 4) as each joint's parent sees them."""
-    return np.array([f if k is None else inverse(frames[k]) @ f for f, k in zip(frames, skin.parents, strict=True)])
-
-
-def _parts(transforms: Floats) -> tuple[Floats, Floats, Floats]:
-    """Translations (..., 3), unit quaternions x, y, z, w (..., 4) and scales (..., 3) of transforms (..., 4, 4)."""
-    turned = transforms[..., :3, :3]
-    scale = np.linalg.norm(turned, axis=-2)
-    rotation = Rotation.from_matrix(turned / scale[..., None, :]).as_quat()
-    return transforms[..., :3, 3], np.asarray(rotation), np.asarray(scale)
-
-
-def _continuous(quaternions: Floats) -> Floats:
-    """The same rotations (T, 4), each with the sign that is nearer to the one before."""
-    turned = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0.0
-    return quaternions * np.cumprod(np.r_[1.0, np.where(turned, -1.0, 1.0)])[:, None]

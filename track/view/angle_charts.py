@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Coordinate, Floats
+from adapt.plain_words import plain_words
 from track.poses_by_hand import UNITS, as_shown
 from track.view.scene import Scene, joint_coordinates, runs
 
@@ -67,7 +68,7 @@ def _chart(scene: Scene, i: int) -> _Chart:
     spread = np.zeros(len(drawn)) if scene.motion is None else np.rad2deg(scene.motion.deviations[drawn, i])
     truth = np.full(len(drawn), np.nan) if scene.truth is None else np.rad2deg(scene.truth.thetas[drawn, i])
     low, high = _limits(np.concatenate([angle - 2.0 * spread, angle + 2.0 * spread, truth]))
-    name = "" if coordinate is None else coordinate.name
+    name = "" if coordinate is None else plain_words(coordinate.name).label
     parts = [_axes(times, low, high)]
     if scene.motion is not None:
         parts += _unknown(times, ~np.isfinite(angle))
@@ -96,7 +97,8 @@ def _heading(scene: Scene, coordinate: Coordinate, i: int, k: int, value: float,
         text += f" <span style='color:{TRUTH}'>{known}</span>"
     return (
         "<div style='display:flex;justify-content:space-between;font-size:0.8rem'>"
-        f"<b>{escape(coordinate.name)}</b><span class='angle' data-coordinate='{escape(coordinate.name)}'>{text}</span>"
+        f"<b title='{escape(coordinate.name)}'>{escape(plain_words(coordinate.name).label)}</b>"
+        f"<span class='angle' data-coordinate='{escape(coordinate.name)}'>{text}</span>"
         "</div>"
     )
 

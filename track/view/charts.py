@@ -8,6 +8,7 @@ import numpy as np
 
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.pose_space import joint_coordinates
+from adapt.plain_words import plain_words
 from capture.own import PNG, replaced_if_own
 from track.motion import Motion
 from track.observed_bones import known_thetas
@@ -35,7 +36,8 @@ def plot_angles(
         axes.plot(motion.times, angle, color="tab:blue", lw=1.2, label="tracked, ±2 SD")
         for time in motion.times[~motion.tracked]:
             axes.axvline(time, color="tab:red", alpha=0.4)
-        axes.set_ylabel(f"{anatomy.coordinates[i].name}\n(deg)")
+        told = plain_words(anatomy.coordinates[i].name).label.replace(" (", "\n(")
+        axes.set_ylabel(f"{told}\n(deg)", fontsize="small")
     axes.set_xlabel("time (s)")
     figure.axes[0].legend(loc="upper right", fontsize="small")
     with replaced_if_own(path, PNG) as partial:

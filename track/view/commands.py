@@ -16,6 +16,7 @@ _PATH = click.Path(path_type=Path)
 @click.argument("source", type=_PATH)
 @click.option("--subject", type=_PATH, help="Who moves; a motion needs it.")
 @click.option("--recording", type=_PATH, help="The recording of a motion or a subject: adds points, and known truth.")
+@click.option("--markers", type=_PATH, help="A laboratory's markers, as `bonetrack import-markers` wrote them.")
 @click.option("--html", type=_PATH, help="Write the scene as one HTML file that needs no network, and end.")
 @click.option(
     "--poses",
@@ -32,6 +33,7 @@ def view_command(
     source: Path,
     subject: Path | None,
     recording: Path | None,
+    markers: Path | None,
     html: Path | None,
     poses: Path,
     host: str,
@@ -41,9 +43,10 @@ def view_command(
 ) -> None:
     """Look at SOURCE, a recording, a subject or a motion, in the browser: skin, bones, points, angles over time."""
     from track.belonging import adapted_elsewhere
-    from track.view.scene import open_scene
+    from track.view.scene import open_scene, with_markers
 
     scene = open_scene(source, subject=subject, recording=recording)
+    scene = scene if markers is None else with_markers(scene, markers)
     person, seen = scene.subject, scene.recording
     if seen is None and near is not None:
         raise click.BadParameter("needs a recording, in which somebody is near it", param_hint="--near")
@@ -80,14 +83,34 @@ def view_command(
 @click.option("--subject", required=True, type=_PATH, help="The subject that was tracked.")
 @click.option("--recording", type=_PATH, help="The recording that was tracked: adds what is known of it, and truth.")
 @click.option("--out", required=True, type=_PATH, help="The HTML file to write.")
-def report_command(motion: Path, subject: Path, recording: Path | None, out: Path) -> None:
-    """Write what tracking says of MOTION as one HTML page that needs no network."""
+@click.option("--title", help="What the page is called.")
+@click.option("--person", help="Whose motion it is, by a name or a number of yours.")
+@click.option("--session", help="When or which: `before`, `week 6`.")
+@click.option("--note", help="What else is to be said, on the first page.")
+def report_command(
+    motion: Path,
+    subject: Path,
+    recording: Path | None,
+    out: Path,
+    title: str | None,
+    person: str | None,
+    session: str | None,
+    note: str | None,
+) -> None:
+    """Write what tracking says of MOTION as one HTML page that needs no network.
+
+    Title, person, session and note stay with the motion (about.json in its folder): later reports, curves and
+    comparisons have them, too.
+    """
     from adapt.subject import load_subject
     from capture.recording import open_recording
+    from track.about import note_about
     from track.motion import load_motion
     from track.view.report import write_report
 
     opened = None if recording is None else open_recording(recording)
+    loaded = load_motion(motion)
+    about = note_about(motion, title=title, person=person, session=session, note=note)
     with stdout.status("writing the report"):
-        write_report(load_motion(motion), load_subject(subject), opened, out, title=motion.resolve().name)
+        write_report(loaded, load_subject(subject), opened, out, title=motion.resolve().name, about=about)
     stdout.print(f"report written to {out} ({out.stat().st_size / 1e6:.1f} MB)", highlight=False)

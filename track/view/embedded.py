@@ -120,6 +120,8 @@ def _with_caption(page: str, scene: Scene, step: int) -> str:
         parts.append(what + f"and more, grey over {1e3 * FAR_M:.0f} mm)" if scene.body is not None else "points")
     if scene.truth is not None:
         parts.append("true bones in green (off: switch on under the tree symbol)")
+    if scene.markers is not None:
+        parts.append("a laboratory's markers in magenta")
     if step > 1:
         parts.append(f"every {_ORDINALS.get(step, f'{step}th')} frame")
     words = "; ".join(parts)

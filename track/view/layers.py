@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import viser
 
 SKIN, BONE, TRUTH, PLAIN, FAR = (233, 178, 150), (224, 203, 158), (0, 158, 115), (60, 90, 150), (150, 150, 150)
+MARKER = (204, 26, 115)
 LARGEST_ERROR_M, FAR_M = 0.010, 0.020
 """Where the colours of the error end, and beyond which a point is taken for something else than the limb."""
 POINTS = 1800  # drawn of a cloud
@@ -35,6 +36,7 @@ LAYERS = {
     "bones": "Bones",
     "points": "Points",
     "truth": "True bones",
+    "markers": "Laboratory's markers",
     "labels": "Angles",
 }
 """The switches: node name -> what people read."""
@@ -58,6 +60,7 @@ class Layers:
         self._skin_part = skin
         self._skin: Any = None
         self._points: Any = None
+        self._markers: Any = None
         self._bones: dict[str, Any] = {}
         self._truth: dict[str, Any] = {}
         self._labels: dict[str, Any] = {}
@@ -70,6 +73,7 @@ class Layers:
             "bones": self.scene.body is not None,
             "points": self.scene.recording is not None,
             "truth": self.scene.truth is not None,
+            "markers": self.scene.markers is not None,
             "labels": self.scene.body is not None,
         }
         return [name for name in LAYERS if there[name]]
@@ -84,6 +88,7 @@ class Layers:
             self._show_posed(k, content.posed)
             self._show_truth(content.truth)
             self._show_points(content.seen)
+            self._show_markers(k)
             self._show_labels(k, content.posed, theta)
 
     def _add_bodies(self) -> None:
@@ -149,6 +154,17 @@ class Layers:
             point_shape="circle",
             precision="float32",
         )
+
+    def _show_markers(self, k: int) -> None:
+        if self.scene.markers is None:
+            return
+        at = np.array([points[k] for points in self.scene.markers.values()])
+        known = at[np.isfinite(at).all(axis=1)]
+        shown = known if len(known) else np.zeros((1, 3))  # a node without points would be an error
+        self._markers = self._server.scene.add_point_cloud(
+            "/markers/cloud", shown, MARKER, point_size=0.008, point_shape="circle", precision="float32"
+        )
+        self._markers.visible = len(known) > 0
 
     def _show_labels(self, k: int, posed: Posed | None, theta: Floats | None) -> None:
         for name, handle in self._labels.items():

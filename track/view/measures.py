@@ -13,6 +13,7 @@ from adapt.anatomy import Bone, Floats, Ints
 from adapt.fit.posterior import deviation_along
 from adapt.model.body import make_body
 from adapt.model.frames import landmark_mean
+from adapt.plain_words import landmark_words
 from adapt.subject import Subject
 
 PLACES = (0.25, 0.5, 0.75)
@@ -51,8 +52,10 @@ def lengths(subject: Subject) -> list[Length]:
     >>> arm = make_body(load_anatomy("upper-limb-right"))
     >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), 1e-4 * np.eye(16), {})
     >>> first = lengths(subject)[0]
-    >>> first.bone, first.ends, round(first.length_m, 3), first.length_m == first.template_m
-    ('humerus', 'middle of EM and EL to GH', 0.279, True)
+    >>> first.bone, round(first.length_m, 3), first.length_m == first.template_m
+    ('humerus', 0.279, True)
+    >>> first.ends
+    'middle of medial epicondyle of the humerus and lateral epicondyle of the humerus to centre of the humeral head'
     """
     template = _template(subject)
     rows = []
@@ -155,4 +158,5 @@ def _square_to(axis: Floats) -> Floats:
 
 
 def _names(landmarks: tuple[str, ...]) -> str:
-    return landmarks[0] if len(landmarks) == 1 else f"middle of {' and '.join(landmarks)}"
+    told = [landmark_words(name) for name in landmarks]
+    return told[0] if len(told) == 1 else f"middle of {' and '.join(told)}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -66,24 +66,31 @@ def render(
     camera: Camera,
     *,
     points: Floats | None = None,
-    point_colour: tuple[float, float, float] = CLOUD,
+    point_colour: tuple[float, float, float] | Floats | None = None,
+    background: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:
     """An image (H, W, 3) of translucent layers, nearest last, with points (N, 3) drawn where nothing hides them.
 
-    A translucent layer does not hide the points behind it; an opaque one does.
+    A translucent layer does not hide the points behind it; an opaque one does. Points have one colour (RGB in [0, 1])
+    or each its own (N, 3). Behind all is white, or an image (H, W, 3).
     """
-    image = np.ones((camera.height, camera.width, 3))
+    image = np.ones((camera.height, camera.width, 3)) if background is None else background / 255.0
     casts = [_cast(layer, world_from_eye, camera) for layer in layers]
-    depth = np.array([cast[0] for cast in casts])
-    for order in np.argsort(-depth, axis=0):
-        for k, (_, shade) in enumerate(casts):
-            here = (order == k) & np.isfinite(depth[k])
-            alpha = layers[k].opacity
-            image[here] = (1.0 - alpha) * image[here] + alpha * shade[here, None] * np.array(layers[k].colour)
+    depth = np.array([cast[0] for cast in casts]).reshape(len(casts), camera.height, camera.width)
+    rows, columns = np.nonzero(np.isfinite(depth).any(axis=0))  # most of a picture is empty
+    found, shades = depth[:, rows, columns], np.array([shade[rows, columns] for _, shade in casts])
+    colours = image[rows, columns]
+    for order in np.argsort(-found, axis=0):
+        for k, layer in enumerate(layers):
+            here = (order == k) & np.isfinite(found[k])
+            alpha = layer.opacity
+            colours[here] = (1.0 - alpha) * colours[here] + alpha * shades[k, here, None] * np.array(layer.colour)
+    image[rows, columns] = colours
     if points is not None:
         opaque = [depth[k] for k, layer in enumerate(layers) if layer.opacity >= 1.0]
         front = np.min(opaque, axis=0) if opaque else np.full(image.shape[:2], np.inf)
-        _splat(image, points, point_colour, world_from_eye, camera, front)
+        colours = np.broadcast_to(np.array(CLOUD if point_colour is None else point_colour), points.shape)
+        _splat(image, points, colours, world_from_eye, camera, front)
     return np.asarray(np.clip(255.0 * image, 0.0, 255.0), dtype=np.uint8)
 
 
@@ -104,19 +111,36 @@ def _cast(layer: Layer, world_from_eye: Floats, camera: Camera) -> tuple[Floats,
         core.Tensor.from_numpy(np.ascontiguousarray(layer.vertices, dtype=np.float32)),
         core.Tensor.from_numpy(np.ascontiguousarray(layer.faces, dtype=np.uint32)),
     )
+    depth, shade = np.full((camera.height, camera.width), np.inf), np.zeros((camera.height, camera.width))
+    part = _covered(layer.vertices, world_from_eye, camera)
+    if not depth[part].size:
+        return depth, shade
     rays = scene.create_rays_pinhole(camera.matrix, inverse(world_from_eye), camera.width, camera.height)
-    hits = scene.cast_rays(rays)
-    normals = hits["primitive_normals"].numpy()
+    hits = scene.cast_rays(core.Tensor.from_numpy(np.ascontiguousarray(rays.numpy()[part])))
+    far = hits["t_hit"].numpy()
+    hit = np.isfinite(far)
+    normals = hits["primitive_normals"].numpy()[hit]
     toward = -(normals @ world_from_eye[:3, 2])
     above = np.abs(normals @ (world_from_eye[:3, 2] + 0.7 * world_from_eye[:3, 1] + 0.4 * world_from_eye[:3, 0]))
-    shade = 0.35 + 0.35 * np.abs(toward) + 0.25 * above
-    return hits["t_hit"].numpy().astype(np.float64), np.minimum(shade, 1.0)
+    depth[part] = far
+    shade[part][hit] = np.minimum(0.35 + 0.35 * np.abs(toward) + 0.25 * above, 1.0)
+    return depth, shade
+
+
+def _covered(vertices: Floats, world_from_eye: Floats, camera: Camera) -> tuple[slice, slice]:
+    """The rows and columns that a mesh can be seen in; all, if some of it is beside or behind the eye."""
+    uv, _ = project(replace(camera, distortion=()), apply(inverse(world_from_eye), vertices))
+    if not len(uv) or not np.isfinite(uv).all():
+        return slice(None), slice(None)
+    low = np.maximum(np.floor(uv.min(axis=0)).astype(int) - 1, 0)
+    high = np.maximum(np.ceil(uv.max(axis=0)).astype(int) + 2, 0)
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
 
 
 def _splat(
     image: Floats,
     points: Floats,
-    colour: tuple[float, float, float],
+    colours: Floats,
     world_from_eye: Floats,
     camera: Camera,
     front: Floats,
@@ -124,11 +148,11 @@ def _splat(
     """Draw points as small squares, where no opaque surface is nearer."""
     uv, z = project(camera, apply(inverse(world_from_eye), points))
     has_pixel = np.isfinite(uv).all(axis=1)
-    uv, z = uv[has_pixel], z[has_pixel]
+    uv, z, colours = uv[has_pixel], z[has_pixel], colours[has_pixel]
     for du in (0, 1):
         for dv in (0, 1):
             u, v = np.rint(uv[:, 0]).astype(int) + du, np.rint(uv[:, 1]).astype(int) + dv
             inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
             u, v, near = u[inside], v[inside], z[inside]
             shown = near < front[v, u] + 0.003
-            image[v[shown], u[shown]] = colour
+            image[v[shown], u[shown]] = colours[inside][shown]

@@ -11,6 +11,7 @@ from adapt.subject import Subject, doubts
 from capture.own import HTML, refuse_foreign, replaced_if_own
 from capture.provenance import sensors_in_words
 from capture.recording import Recording
+from track.about import About
 from track.accuracy.errors import evaluate_motion
 from track.belonging import tracked_elsewhere
 from track.motion import Motion
@@ -25,11 +26,20 @@ from track.view.report_motion import (
 )
 from track.view.report_settings import versions_section
 from track.view.report_subject import fit_section, subject_section
+from track.view.report_summary import summary_section
 from track.view.scene import Scene, motion_scene
 
 
-def write_report(motion: Motion, subject: Subject, recording: Recording | None, path: Path, *, title: str) -> None:
-    """Write the page.
+def write_report(
+    motion: Motion,
+    subject: Subject,
+    recording: Recording | None,
+    path: Path,
+    *,
+    title: str,
+    about: About | None = None,
+) -> None:
+    """Write the page. It begins with what whoever treats the person needs (``track.view.report_summary``).
 
     Raises:
         ReportError: plotly is not installed.
@@ -42,7 +52,9 @@ def write_report(motion: Motion, subject: Subject, recording: Recording | None, 
     evaluation = None
     if recording is not None and scene.truth is not None:
         evaluation = evaluate_motion(motion, subject, recording)
+    about = about or About()
     sections = [
+        ("At a glance", summary_section(scene, about)),
         ("Subject", subject_section(subject)),
         ("How well the subject fits", fit_section(subject)),
         ("Joint angles", angles_section(scene)),
@@ -53,7 +65,11 @@ def write_report(motion: Motion, subject: Subject, recording: Recording | None, 
         ("Versions and settings", versions_section(scene)),
         ("Limits", bullets(_LIMITS)),
     ]
-    text = page(f"Tracked motion, {motion.anatomy}", f"{_lead(scene)} {_doubts(scene, subject)}".strip(), sections)
+    text = page(
+        about.title or f"Tracked motion, {motion.anatomy}",
+        f"{_lead(scene)} {_doubts(scene, subject)}".strip(),
+        sections,
+    )
     with replaced_if_own(path, HTML) as partial:
         partial.write_text(text, encoding="utf-8")
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Floats
+from adapt.plain_words import plain_words
 from track.poses_by_hand import UNITS, as_shown
 from track.view.scene import Scene, joint_coordinates, runs
 
@@ -40,7 +41,8 @@ def angle_chart(scene: Scene) -> Figure:
             _add(figure, row, scene.times, truth, "truth", line={"color": TRUTH, "width": 1.6, "dash": "dash"})
         _add(figure, row, scene.times, angle, "tracked", line={"color": BLUE, "width": 1.6})
         _mark_unknown(figure, row, scene.times, ~np.isfinite(angle))
-        figure.update_yaxes(title_text=f"{coordinate.name}<br>({unit})", row=row, col=1)
+        told = plain_words(coordinate.name).label.replace(" (", "<br>(")
+        figure.update_yaxes(title_text=f"{told}<br>({unit})", row=row, col=1)
     return figure
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from adapt.plain_words import plain_words
 from adapt.subject import Subject
 from track.accuracy.errors import Evaluation
 from track.motion import Motion
@@ -18,7 +19,7 @@ _NEAR_LIMIT = float(np.deg2rad(_NEAR_LIMIT_DEG))
 
 def angles_section(scene: Scene) -> str:
     """Joint angles over time, drawn with their uncertainty."""
-    names = ", ".join(coordinate.name for _, coordinate in joint_coordinates(subject_of(scene).anatomy))
+    names = ", ".join(plain_words(c.name).name for _, c in joint_coordinates(subject_of(scene).anatomy))
     words = "Dark band: ± 1 standard deviation; light band: ± 2. Red ground: not known."
     if scene.truth is not None:
         words += " Dashed: the known truth of the simulated recording."
@@ -32,7 +33,7 @@ def ranges_section(scene: Scene) -> str:
     for i, coordinate in joint_coordinates(subject_of(scene).anatomy):
         values, unit = angles[:, i], UNITS[coordinate.unit]
         if not np.isfinite(values).any():
-            rows.append([f"{coordinate.name} ({unit})", *["–"] * 7])
+            rows.append([f"{plain_words(coordinate.name).label} ({unit})", coordinate.name, *["–"] * 7])
             continue
         low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
         factor = as_shown(coordinate, 1.0)
@@ -45,9 +46,10 @@ def ranges_section(scene: Scene) -> str:
             f"{factor * coordinate.low:.0f} to {factor * coordinate.high:.0f}",
             f"{100.0 * near.sum() / np.isfinite(values).sum():.0f}",
         ]
-        rows.append([f"{coordinate.name} ({unit})", *cells])
+        rows.append([f"{plain_words(coordinate.name).label} ({unit})", coordinate.name, *cells])
     head = [
         "joint angle",
+        "in files",
         "least ± 1 SD",
         "at (s)",
         "largest ± 1 SD",

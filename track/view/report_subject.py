@@ -6,6 +6,7 @@ import numpy as np
 
 from adapt.fit.never_seen import guessed_lengths
 from adapt.model.body import rest_theta
+from adapt.plain_words import landmark_words
 from adapt.subject import Subject
 from track.view.measures import Girth, girths, lengths
 from track.view.page import paragraph, picture, table
@@ -93,5 +94,5 @@ def fit_section(subject: Subject) -> str:
         parts.append(paragraph(f"{words}How long these are is a guess: {guesses}."))
     if unseen:
         words = "No sensor saw the skin near these landmarks in any example pose, so their places are the template's "
-        parts.append(paragraph(f"{words}scaled: {', '.join(unseen)}."))
+        parts.append(paragraph(f"{words}scaled: {', '.join(map(landmark_words, unseen))}."))
     return "\n".join(parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,6 +20,8 @@ from capture.recording import Instant, Recording, instants, open_recording
 from capture.rigid import inverse
 from track.accuracy.truth import read_truth, world_from_common
 from track.belonging import refuse_other_recording, refuse_other_subject
+from track.markers.align import at_times
+from track.markers.read import MarkerError, read_markers
 from track.motion import Motion, MotionError, load_motion
 from track.observed_bones import known_thetas
 
@@ -53,6 +55,7 @@ class Scene:
     recording: Recording | None = None
     moments: tuple[Instant, ...] | None = field(default=None, repr=False)
     truth: KnownTruth | None = None
+    markers: dict[str, Floats] | None = field(default=None, repr=False)  # a laboratory's, (T, 3) m, NaN where unknown
 
     def shows(self, bone: str, k: int) -> bool:
         """Whether a bone's place in frame k is known; where nothing was tracked, everything shown is meant to be."""
@@ -104,6 +107,20 @@ def open_scene(source: Path, *, subject: Path | None = None, recording: Path | N
         raise MotionError("there is nothing here", where=source, remedy=remedy)
     opened = None if recording is None else open_recording(recording)
     return subject_scene(load_subject(source), opened, title=source.name)
+
+
+def with_markers(scene: Scene, path: Path) -> Scene:
+    """The scene with markers that `bonetrack import-markers` brought into its frame and clock.
+
+    Raises:
+        MarkerError: it is no marker file, or none of them is known at the scene's times.
+    """
+    trial = read_markers(path)
+    markers = {name: at_times(trial.times, at, scene.times) for name, at in trial.points.items()}
+    if not any(np.isfinite(at).any() for at in markers.values()):
+        problem = "knows no marker at any time of what is shown"
+        raise MarkerError(problem, where=path, remedy="give the markers.trc that `bonetrack import-markers` wrote")
+    return replace(scene, markers=markers)
 
 
 def motion_scene(motion: Motion, subject: Subject, recording: Recording | None, *, title: str) -> Scene:

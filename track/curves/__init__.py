@@ -1,0 +1,1 @@
+"""Curves that people use: smoothed angles, speeds, events and cycles of motions, and what differs between them."""
