@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from adapt.anatomy import Anatomy
-from adapt.fit.alternate import Adaptation, Progress, adapt_body
+from adapt.fit.alternate import Adaptation, adapt_body
 from adapt.fit.examples import landmarks_shown
 from adapt.fit.judge import ADAPTED, judge_fit
 from adapt.fit.never_seen import NeverSeen, never_seen, without
 from adapt.fit.plausible_sizes import refuse_what_nobody_is
 from adapt.fit.pose import PoseFit
-from adapt.fit.posterior import deviations
+from adapt.fit.posterior import OF_PEOPLE, deviations
 from adapt.fit.stated_person import person_report
 from adapt.match.skin_sample import SkinSample, sample_skin
 from adapt.model.body import Body
@@ -40,7 +40,8 @@ from adapt.search.other_limb import refuse_two_limbs
 from adapt.search.own_side import keeps_to_its_side
 from adapt.search.rival_side import SideEvidence, compare_sides, refuse_neither_side, refuse_the_other_side
 from adapt.search.search_journal import FoundPoses
-from adapt.subject import Subject
+from adapt.stages import CHOICE, SIDE, Progress
+from adapt.subject import WIDENED, Subject
 from capture.errors import FitError
 from capture.journal import Journal
 from capture.recording import Recording, instants, refuse_useless_depth
@@ -52,7 +53,7 @@ def adapt_recording(
     options: AdaptOptions = AS_USUAL,
     *,
     journal: Journal | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress = lambda words, share: None,
 ) -> Subject:
     """Adapt an anatomy to the person in a recording.
 
@@ -61,7 +62,7 @@ def adapt_recording(
         anatomy: the template limb.
         options: what is not left to the automatic choice.
         journal: what an earlier run with the same arguments found, and where what is found is written.
-        progress: told in words what is being done.
+        progress: told in words what is being done, and how far that is.
 
     Raises:
         FitError: fewer usable poses than asked for, or there is no such frame.
@@ -80,7 +81,7 @@ def adapt_recording(
     lost = never_seen(body, [(c.target, c.pose.fit.theta) for c in usable], sample)
     sample = without(sample, lost.skin)
     if automatic:
-        progress("choosing example poses")
+        progress("choosing example poses", CHOICE.begin)
         body, usable, others, again = choose(body, usable, sample, options.poses, options.person)
         doubted |= again
     if not known and keeps_to_its_side(anatomy):
@@ -139,7 +140,7 @@ def _asked_side(
 
     Which of two limbs is meant is only asked where nobody has ``chosen`` it by a first pose.
     """
-    progress("which side, and which limb")
+    progress("which side, and which limb", SIDE.begin)
     targets, thetas = [c.target for c in used], np.array([c.pose.fit.theta for c in used])
     scale = overall_size(body)
     side = compare_sides(body.anatomy, targets, thetas, scale=scale, gone=lost.skin, person=person)
@@ -227,6 +228,7 @@ def _subject(
         "side": None if side is None else {**asdict(side), "support_nats": side.support, "told": side.told},
         "noise_mm": 1e3 * adaptation.noise_m,
         "unseen_noise_mm": None if adaptation.unseen_noise_m is None else 1e3 * adaptation.unseen_noise_m,
+        WIDENED: OF_PEOPLE,
         "scales": _scales(adaptation),
         "landmarks_shown": shown,
         "landmarks_never_shown": [name for name, count in shown.items() if count == 0],

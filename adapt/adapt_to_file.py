@@ -5,13 +5,14 @@ First poses, the longest part, are lines of a journal beside the subject's file 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from adapt.adapt_recording import adapt_recording
 from adapt.anatomy import Anatomy, anatomy_arrays
-from adapt.fit.alternate import Progress
 from adapt.options import AS_USUAL, AdaptOptions
 from adapt.own_anatomy import kept_anatomy
+from adapt.stages import Progress
 from adapt.subject import MARK, Subject, save_subject
 from capture.errors import BonetrackError
 from capture.files import remove_left_over
@@ -27,7 +28,7 @@ def adapt_into(
     anatomy: Anatomy,
     options: AdaptOptions = AS_USUAL,
     *,
-    progress: Progress = lambda _: None,
+    progress: Progress = lambda words, share: None,
     told: Told = lambda _: None,
 ) -> Subject:
     """``adapt_recording`` with its result written to the file ``out``, and resumed after a kill.
@@ -43,7 +44,7 @@ def adapt_into(
     kept_anatomy(anatomy)  # so is one that is too large for a subject
     out.parent.mkdir(parents=True, exist_ok=True)
     remove_left_over(out.parent, [out.name, journal_path(out).name])
-    journal = resume_journal(journal_path(out), _key(recording, anatomy, options), told)
+    journal = resume_journal(journal_path(out), _key(recording, anatomy, options), told, result=out)
     try:
         subject = adapt_recording(recording, anatomy, options, journal=journal, progress=progress)
     except BonetrackError:
@@ -51,7 +52,7 @@ def adapt_into(
         raise
     save_subject(subject, out)
     journal.remove()
-    return subject
+    return replace(subject, path=out)
 
 
 def journal_path(out: Path) -> Path:

@@ -52,13 +52,18 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Bone:
-    """A rigid body: one bone, or several that move as one."""
+    """A rigid body: one bone, or several that move as one.
+
+    Or the vertebrae and ribs between two: ``along`` says of each vertex on which share of the arc it rides that leads
+    to the bone, from 0 at the arc's base to 1 at its top, which moves as the bone does. Without it all vertices do.
+    """
 
     name: str
     frame: Frame
     vertices: Floats = field(repr=False)  # (N, 3) m
     faces: Ints = field(repr=False)  # (M, 3)
     handle_weights: Floats = field(repr=False)  # (N, H): bounded biharmonic, inside the bone
+    along: Floats | None = field(default=None, repr=False)  # (N,)
 
 
 @dataclass(frozen=True)
@@ -112,13 +117,13 @@ class Deformer:
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A template limb, at rest. V skin vertices, P landmarks, H handles, D deformers.
+    """A template limb, or a body with both sides, at rest. V skin vertices, P landmarks, H handles, D deformers.
 
     Compared by identity, so that what is prepared from an anatomy can be cached.
     """
 
     name: str
-    side: Literal["right", "left"]
+    side: Literal["right", "left", "both"]
     bones: tuple[Bone, ...]
     joints: tuple[Joint, ...]  # parents come before their children
     coordinates: tuple[Coordinate, ...]  # in the order of theta
@@ -196,6 +201,8 @@ def anatomy_arrays(anatomy: Anatomy) -> dict[str, NDArray[Any]]:
     for bone in anatomy.bones:
         for part in BONE_ARRAYS:
             arrays[f"bone/{bone.name}/{part}"] = getattr(bone, part)
+        if bone.along is not None:
+            arrays[f"bone/{bone.name}/along"] = bone.along
     for name, (points, tets) in anatomy.tetrahedra.items():
         arrays[f"tetrahedra/{name}/points"], arrays[f"tetrahedra/{name}/tets"] = points, tets
     return arrays

@@ -56,8 +56,8 @@ def _parts(anatomy: Anatomy) -> Iterator[str]:
         ("deformers", [deformer.name for deformer in anatomy.deformers]),
     ):
         yield from _names(what, names)
-    if anatomy.side not in ("right", "left"):
-        yield f"its side is {anatomy.side!r}, neither 'right' nor 'left'"
+    if anatomy.side not in ("right", "left", "both"):
+        yield f"its side is {anatomy.side!r}, neither 'right' nor 'left' nor 'both'"
     for handle in anatomy.handles:
         anatomy.bone(handle.bone)
         if len(handle.position) != 3 or not np.isfinite(handle.position).all():
@@ -152,11 +152,12 @@ def _arrays(anatomy: Anatomy) -> Iterator[str]:
 
 def _shapes_of(bone: Bone, handles: int) -> dict[str, _Shape]:
     name = f"bone/{bone.name}"
-    return {
+    shapes: dict[str, _Shape] = {
         f"{name}/vertices": (None, 3),
         f"{name}/faces": (None, 3),
         f"{name}/handle_weights": (len(bone.vertices), handles),
     }
+    return shapes if bone.along is None else shapes | {f"{name}/along": (len(bone.vertices),)}
 
 
 def _is_of(array: NDArray[Any], shape: _Shape) -> bool:
@@ -177,6 +178,8 @@ def _weights(anatomy: Anatomy) -> Iterator[str]:
         others = [handle.bone != bone.name for handle in anatomy.handles]
         if (bone.handle_weights[:, others] > _ROUNDED).any():
             yield f"bone/{bone.name}/handle_weights has weight on handles of other bones"
+        if bone.along is not None and not 0.0 <= bone.along.min() <= bone.along.max() <= 1.0:
+            yield f"bone/{bone.name}/along is not in 0 to 1"
     if not 0.0 <= anatomy.fit_weight.min() <= anatomy.fit_weight.max() <= 1.0 or not anatomy.fit_weight.any():
         yield "fit_weight is not in 0 to 1, or nowhere more than 0"
 

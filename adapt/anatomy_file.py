@@ -28,14 +28,14 @@ from adapt.anatomy import (
     anatomy_arrays,
 )
 from adapt.anatomy_check import refuse_unsound
-from adapt.mirror import mirrored, mirrored_name
+from adapt.mirror import mirrored, mirrored_name, tells_a_side
 from adapt.model.parts import refuse_wrong_parts
 from capture.errors import AnatomyError
 from capture.files import UNREADABLE, read_arrays, replaced_when_complete, unreadable
 
 FORMAT = "bonetrack-anatomy"
 _TEMPLATES = Path(str(resources.files("adapt") / "templates"))
-VERSION = 2  # 2: ball and spline joints, bend deformers
+VERSION = 3  # 2: ball and spline joints, bend deformers; 3: both sides, bones along a curve
 
 
 def save_anatomy(anatomy: Anatomy, path: Path) -> None:
@@ -60,7 +60,7 @@ def anatomy_description(anatomy: Anatomy) -> dict[str, Any]:
     """
     return {
         "format": FORMAT,
-        "version": VERSION,
+        "version": _version(anatomy),
         "name": anatomy.name,
         "side": anatomy.side,
         "bones": [{"name": bone.name, "frame": asdict(bone.frame)} for bone in anatomy.bones],
@@ -162,7 +162,7 @@ def anatomy_names() -> list[str]:
     ['lower-limb-left', 'lower-limb-right', 'upper-limb-left', 'upper-limb-right']
     """
     names = {path.stem for path in _TEMPLATES.glob("*.npz")}
-    return sorted(names | {mirrored_name(name) for name in names})
+    return sorted(names | {mirrored_name(name) for name in names if tells_a_side(name)})
 
 
 def read_anatomy(source: Path | IO[bytes], *, where: Path) -> Anatomy:
@@ -198,10 +198,7 @@ def _check_format(description: Any, path: Path) -> None:
 
 
 def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
-    bones = tuple(
-        Bone(b["name"], _frame(b["frame"]), *(arrays[f"bone/{b['name']}/{part}"] for part in BONE_ARRAYS))
-        for b in description["bones"]
-    )
+    bones = tuple(_bone(b["name"], _frame(b["frame"]), arrays) for b in description["bones"])
     return Anatomy(
         name=description["name"],
         side=description["side"],
@@ -217,6 +214,17 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, Any]) -> Anatomy:
         },
         **{name: arrays[name] for name in ARRAYS},
     )
+
+
+def _bone(name: str, frame: Frame, arrays: dict[str, Any]) -> Bone:
+    vertices, faces, weights = (arrays[f"bone/{name}/{part}"] for part in BONE_ARRAYS)
+    return Bone(name, frame, vertices, faces, weights, arrays.get(f"bone/{name}/along"))
+
+
+def _version(anatomy: Anatomy) -> int:
+    """The first version that reads it: so files and digests of anatomies that need no later one stay as they were."""
+    later = anatomy.side == "both" or any(bone.along is not None for bone in anatomy.bones)
+    return VERSION if later else 2
 
 
 def _frame(parts: dict[str, list[str]]) -> Frame:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from capture.commands.region_options import near_option, region_option
+from capture.commands.written_file import WrittenFile
 from capture.console import stdout, tell
+from capture.progress import progress
 
 if TYPE_CHECKING:
     from adapt.subject import Subject
@@ -20,9 +22,7 @@ if TYPE_CHECKING:
 @click.option(
     "--anatomy", required=True, help="The limb, as upper-limb-right or lower-limb-left, or an anatomy file (.npz)."
 )
-@click.option(
-    "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The subject file to write (.npz)."
-)
+@click.option("--out", required=True, type=WrittenFile(".npz", "a subject"), help="The subject file to write (.npz).")
 @click.option("--poses", default=6, show_default=True, help="Number of example poses, 4 to 8.")
 @click.option("--frames", default=None, help="Frames to adapt to, such as 0,12,40,77, instead of the automatic choice.")
 @click.option(
@@ -68,8 +68,10 @@ def adapt_command(
         region=region_near(opened, region, near),
         person=person,
     )
-    with stdout.status("adapting") as status:
-        subject = adapt_into(out, opened, template, options, progress=status.update, told=tell)
+    with progress("adapting") as work:
+        subject = adapt_into(
+            out, opened, template, options, progress=lambda words, share: work.at(share, 1.0, words), told=tell
+        )
     print_subject(subject, out)
 
 

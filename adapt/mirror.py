@@ -25,6 +25,7 @@ from adapt.model.body import Body, make_body
 from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.frames import mirrored_frame
 from adapt.model.joints import JOINT_TYPES
+from capture.errors import AnatomyError
 
 _OTHER = {"right": "left", "left": "right"}
 _MIRRORED = "-mirrored"
@@ -34,12 +35,17 @@ _SIGNS = np.array([1.0, 1.0, -1.0])
 def mirrored(anatomy: Anatomy) -> Anatomy:
     """The same limb of the other side. Names stay, but for coordinates whose OpenSim name tells the side.
 
+    Raises:
+        AnatomyError: it has both sides.
+
     >>> from adapt.anatomy_file import load_anatomy
     >>> right = load_anatomy("lower-limb-right")
     >>> left = mirrored(right)
     >>> left.name, left.coordinates[right.coordinate_index("knee_angle_r")].name
     ('lower-limb-left', 'knee_angle_l')
     """
+    if anatomy.side == "both":
+        raise AnatomyError("it has both sides, and no mirror image", where=anatomy.name, remedy="ask for it as it is")
     return Anatomy(
         name=mirrored_name(anatomy.name),
         side="left" if anatomy.side == "right" else "right",
@@ -86,6 +92,15 @@ def mirrored_name(name: str) -> str:
     return name.removesuffix(_MIRRORED) if name.endswith(_MIRRORED) else name + _MIRRORED
 
 
+def tells_a_side(name: str) -> bool:
+    """Whether an anatomy's name tells which side it is of.
+
+    >>> tells_a_side("upper-limb-right"), tells_a_side("tail")
+    (True, False)
+    """
+    return name.rpartition("-")[2] in _OTHER
+
+
 def mirrored_coordinate(name: str) -> str:
     """The name of the other side's coordinate, as OpenSim has it; a name that tells no side stays.
 
@@ -114,7 +129,7 @@ def _turned_over(corners: Ints) -> Ints:
 
 def _bone(bone: Bone) -> Bone:
     frame, vertices = mirrored_frame(bone.frame), mirrored_points(bone.vertices)
-    return Bone(bone.name, frame, vertices, _turned_over(bone.faces), bone.handle_weights)
+    return replace(bone, frame=frame, vertices=vertices, faces=_turned_over(bone.faces))
 
 
 def _handle(handle: Handle) -> Handle:

@@ -24,6 +24,7 @@ from capture.own import arrays_of, replaced_if_own
 FORMAT = "bonetrack-subject"
 MARK = arrays_of(FORMAT)
 _USUAL = (0.88, 1.12)  # size against the template; grown-ups from about 1.55 to 1.97 m
+WIDENED = "body_deviations_times"  # in a report: how many times as wide as by the noise alone the body's deviations are
 _CONTRADICTED = 0.12  # a size that differs by more from the stated one is neither the person's nor the prior's
 # 1: the covariance is that of the shape alone; 3: holds the anatomy itself, if that is a user's own; 4: or a digest.
 VERSION = 4
@@ -38,7 +39,8 @@ class Subject:
 
     ``thetas`` (K, n) are the example poses and ``times`` (K,) their instants (s) in the recording;
     ``covariance`` (m + q, m + q) is that of the shape and of the coefficients of the soft tissue (``adapt.tissue``),
-    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON.
+    or (m, m) where nothing is known of the tissue's; ``report`` is plain JSON. The ``path`` is that of the file that it
+    was read from or written to.
     """
 
     body: Body
@@ -46,6 +48,7 @@ class Subject:
     times: Floats = field(repr=False)
     covariance: Floats = field(repr=False)
     report: dict[str, Any] = field(repr=False)
+    path: Path | None = field(default=None, repr=False)
 
     @property
     def never_seen(self) -> tuple[str, ...]:
@@ -62,7 +65,8 @@ def doubts(subject: Subject) -> list[str]:
     """What a result made with a subject should say beside it, in words: what its adaptation could not tell."""
     told = []
     side = subject.report.get("side")
-    if "side" in subject.report and not (side is not None and side["told"]):  # an older file says nothing of its side
+    has_one = "side" in subject.report and subject.anatomy.side != "both"  # an older file says nothing of its side
+    if has_one and not (side is not None and side["told"]):
         told.append(f"the data do not tell that it is a {subject.anatomy.side} limb: the asked side is taken on trust")
     size = overall_size(subject.body)
     if _by_one_camera(subject) and not _USUAL[0] < size < _USUAL[1]:
@@ -81,6 +85,11 @@ def doubts(subject: Subject) -> list[str]:
         told.append(
             "its file does not say how near its skin came to the clouds it was adapted to, so a limb that is not the "
             "subject's is told less surely: look at it in `bonetrack view`"
+        )
+    if WIDENED not in subject.report:
+        told.append(
+            "its file was written when a body was taken to be less far off than other people's are: deviations stated "
+            "with it are narrower than they would be now, some by more than half; adapt it again"
         )
     return told
 
@@ -205,4 +214,4 @@ def _from_parts(path: Path, description: Any, arrays: dict[str, Floats], kept: d
     thetas, times = arrays["thetas"], arrays["times"]
     if times.ndim != 1 or thetas.shape != (len(times), len(template.coordinates)):
         raise ValueError(f"poses of shape {thetas.shape} at times of shape {times.shape}")
-    return Subject(body, thetas, times, covariance, report)
+    return Subject(body, thetas, times, covariance, report, path)

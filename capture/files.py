@@ -9,7 +9,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -126,7 +126,8 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
             yield partial
             os.replace(partial, path)
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # where there can be no such file, the error that says so is on its way
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -135,6 +136,9 @@ def naming(path: Path, partial: Path | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        told = error.strerror or str(error)
+        if partial is not None and str(partial) in told:  # libraries put it into the words
+            error.strerror = told.replace(str(partial), str(path))
         if error.filename is None or str(error.filename) == str(partial):
             error.filename = str(path)
         raise

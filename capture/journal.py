@@ -23,7 +23,7 @@ from capture.files import naming
 from capture.own import Mark, replaced_if_own
 from capture.recording import Recording
 
-MARK = Mark(re.compile(rb"\A[0-9a-f]{64}\n"))
+MARK = Mark(re.compile(rb"\A[0-9a-f]{64}\r?\n"))
 
 BEGUN_ANEW = "begun anew, for the run that was cut short had another version, other files or other options"
 
@@ -41,15 +41,16 @@ class Journal:
     """A file that finished pieces (JSON) are added to; ``entries`` are those of earlier runs.
 
     Arrays of floats are written as their bytes, a symmetric one by its lower half; they come back as arrays. Other
-    arrays come back as lists.
+    arrays come back as lists. Errors name the ``result`` that the work is for, which people know, not the journal.
     """
 
     path: Path
     entries: tuple[Any, ...] = field(repr=False)
+    result: Path
 
     def append(self, entry: Any) -> None:
         """Add a finished piece. Numbers come back as they were, to the last bit."""
-        with naming(self.path), self.path.open("a", encoding="utf-8") as file:
+        with naming(self.result, self.path), self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(entry, default=_plain) + "\n")
 
     def remove(self) -> None:
@@ -58,12 +59,17 @@ class Journal:
 
 
 def resume_journal(
-    path: Path, key: str, told: Told = lambda _: None, *, goes_on: Callable[[Any], bool] = lambda entry: True
+    path: Path,
+    key: str,
+    told: Told = lambda _: None,
+    *,
+    goes_on: Callable[[Any], bool] = lambda entry: True,
+    result: Path | None = None,
 ) -> Journal:
     """The journal at ``path``; an empty one if there is none with that key, which is ``told`` in a line.
 
     A last line that was cut short is dropped; a damaged line is dropped with all that follows. So is what follows the
-    last entry from which the work ``goes_on``.
+    last entry from which the work ``goes_on``. The ``result`` is what the work is for, if that is another file.
 
     Raises:
         OutputError: something else than a journal stands there.
@@ -87,9 +93,10 @@ def resume_journal(
                 break
     while entries and not goes_on(entries[-1]):
         entries.pop()
-    with replaced_if_own(path, MARK) as partial:
+    result = path if result is None else result
+    with naming(result, path), replaced_if_own(path, MARK) as partial:
         partial.write_text("\n".join([key, *lines[1 : 1 + len(entries)]]) + "\n", encoding="utf-8")
-    return Journal(path, tuple(entries))
+    return Journal(path, tuple(entries), result)
 
 
 def journal_key(recording: Recording, *inputs: NDArray[Any] | str) -> str:

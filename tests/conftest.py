@@ -9,6 +9,7 @@ import pytest
 from adapt.anatomy import Anatomy
 from adapt.anatomy_file import load_anatomy
 from tests.known_limb import ANATOMY, KnownLimb, record
+from tests.raw_files import FinishedRun, finish_run
 
 
 @pytest.fixture(scope="session")
@@ -20,3 +21,9 @@ def arm() -> Anatomy:
 def limb(arm: Anatomy, tmp_path_factory: pytest.TempPathFactory) -> KnownLimb:
     """One small recording for all tests; none may change it."""
     return record(arm, tmp_path_factory.mktemp("limb") / "recording")
+
+
+@pytest.fixture(scope="session")
+def finished_run(limb: KnownLimb, tmp_path_factory: pytest.TempPathFactory) -> FinishedRun:
+    """A whole run on raw images of the small recording, once for all tests; none may change it."""
+    return finish_run(limb, tmp_path_factory.mktemp("run"))

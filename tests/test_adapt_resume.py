@@ -48,7 +48,8 @@ def same_cloud(one, other):
 
 
 def stop_at(text):
-    def progress(said):
+    def progress(said, share):
+        assert 0.0 <= share < 1.0
         if said == text:
             raise Stopped
 
@@ -104,7 +105,7 @@ def test_what_was_found_with_other_inputs_is_not_used(limb, tmp_path, searched, 
         moved = replace(first, camera=replace(first.camera, fx=first.camera.fx + 0.1))
         recording = replace(recording, sensors=(moved, *others))
 
-    def at_once(_):
+    def at_once(said, share):
         raise Stopped
 
     assert journal_path(out).read_text().count("\n") > 1

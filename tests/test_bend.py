@@ -23,6 +23,7 @@ from tests.toy_anatomy import toy_anatomy
 BENT = Frame(("inner", "outer"), ("top",), ("styloid",), ("inner",), ("outer",))
 START = Frame(("top", "inner", "outer"), ("top",), ("inner", "outer"), ("inner",), ("outer",))
 END = Frame(("inner", "outer", "styloid"), ("inner", "outer"), ("styloid",), ("inner",), ("outer",))
+ELBOW = Deformer("upper", "bend", ("upper", "fore"), (START, END, BENT))
 ABOUT_ELBOW = np.array([[0.03, -0.31, 0.01], [-0.02, -0.29, 0.0], [0.06, -0.33, 0.03], [0.02, -0.305, -0.04]])
 
 
@@ -35,8 +36,7 @@ def anatomy() -> Anatomy:
     ball = Joint(
         "wrist", "ball", wrist.parent, wrist.child, ("dev", "flex", "spin"), (*wrist.axes, twist), wrist.centre
     )
-    upper = Deformer("upper", "bend", ("upper", "fore"), (START, END, BENT))
-    return replace(toy, joints=(*toy.joints[:-1], ball), deformers=(upper, *toy.deformers[1:]))
+    return replace(toy, joints=(*toy.joints[:-1], ball), deformers=(ELBOW, *toy.deformers[1:]))
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def carried(anatomy: Anatomy, theta: np.ndarray, skin: np.ndarray) -> np.ndarray
     p = constant_points(anatomy.landmarks, len(theta))
     motions = bone_motions(anatomy, theta, p)
     points = constant_points(skin, len(theta))
-    return Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, points), (motions["upper"], motions["fore"])).value
+    return Bend().carry(Bend().bind(anatomy, ELBOW, p, points), (motions["upper"], motions["fore"])).value
 
 
 def test_the_bend_deformer_varies_as_stated(anatomy: Anatomy, theta: np.ndarray) -> None:
@@ -94,7 +94,7 @@ def test_the_bend_deformer_varies_as_stated(anatomy: Anatomy, theta: np.ndarray)
         own = np.concatenate([np.zeros((points.size, n + m)), np.eye(points.size)], axis=1)
         varying = Points(q[n + m :].reshape(-1, 3), own.reshape(*points.shape, -1))
         motions = bone_motions(anatomy, q[:n], p)
-        return Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, varying), (motions["upper"], motions["fore"]))
+        return Bend().carry(Bend().bind(anatomy, ELBOW, p, varying), (motions["upper"], motions["fore"]))
 
     at = np.concatenate([theta, anatomy.landmarks.ravel(), points.ravel()])
     check_jacobian(lambda q: skin(q).value, skin(at).d, at)
@@ -106,8 +106,8 @@ def test_points_that_do_not_vary_are_carried_as_if_they_had_derivatives_of_zero(
     p = constant_points(anatomy.landmarks, len(theta))
     motions = bone_motions(anatomy, theta, p)
     pair = motions["upper"], motions["fore"]
-    varying = Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, constant_points(ABOUT_ELBOW, len(theta))), pair)
-    still = Bend().carry(Bend().bind(anatomy, (START, END, BENT), p, still_points(ABOUT_ELBOW)), pair)
+    varying = Bend().carry(Bend().bind(anatomy, ELBOW, p, constant_points(ABOUT_ELBOW, len(theta))), pair)
+    still = Bend().carry(Bend().bind(anatomy, ELBOW, p, still_points(ABOUT_ELBOW)), pair)
     np.testing.assert_allclose(still.value, varying.value, atol=1e-14)
     np.testing.assert_allclose(still.d, varying.d, atol=1e-12)
 
@@ -173,7 +173,9 @@ def bent_tube(degrees: float) -> tuple[np.ndarray, np.ndarray]:
     still = Motion(np.eye(3), np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0)))
     turned = replace(still, rotation=exp_so3(np.array([0.0, 0.0, np.radians(degrees)])))
     points = constant_points(skin, 0)
-    bound = Bend().bind(anatomy, frames, constant_points(anatomy.landmarks, 0), points)
+    bound = Bend().bind(
+        anatomy, Deformer("bend", "bend", ("one", "two"), frames), constant_points(anatomy.landmarks, 0), points
+    )
     return skin, Bend().carry(bound, (still, turned)).value
 
 

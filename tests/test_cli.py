@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import io
 import json
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,37 +17,15 @@ from adapt.subject import load_subject, save_subject
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
 from capture.rigid import inverse
+from tests.command_line import bonetrack
 from tests.known_limb import ANATOMY, bending_and_twisting
 from track.accuracy.truth import read_truth, world_from_common
-from track.cli import main
 from track.demo import samples
 from track.evaluation.known import carried
 from track.motion import load_motion
 from track.poses_by_hand import HandPose, write_poses
 
 FRAMES = 8
-
-
-@dataclass(frozen=True)
-class Ran:
-    code: int
-    out: str
-    err: str
-
-
-def bonetrack(*arguments) -> Ran:
-    """Run the command line in this process."""
-    out, err, argv = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["bonetrack", *map(str, arguments)]
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            main()
-        code = 0
-    except SystemExit as end:
-        code = int(end.code or 0)
-    finally:
-        sys.argv = argv
-    return Ran(code, out.getvalue(), err.getvalue())
 
 
 def fails(*arguments, saying: str) -> str:
@@ -365,14 +340,16 @@ def test_a_wrong_command_line_ends_with_code_2(arguments):
     assert "Traceback" not in ran.err
 
 
+def test_a_folder_is_not_written_over_as_a_file_and_an_empty_one_is_no_motion(recording, tmp_path):
+    fails(*adapt(recording, tmp_path), saying="is a folder, not a file")
+    (tmp_path / "motion").mkdir()
+    fails("export", tmp_path / "motion", "--out", tmp_path / "out", saying="no motion here")
+
+
 def test_wrong_numbers_in_options_end_with_code_2(recording, subject, tmp_path):
     out = ("--out", tmp_path / "out")
     assert bonetrack("adapt", recording, "--anatomy", ANATOMY, *out, "--frames", "0,x").code == 2
     assert bonetrack("fuse", recording, "--frame", 0, *out, "--region", 1, 0, 0, 0, 1, 1).code == 2
-    assert bonetrack("adapt", recording, "--anatomy", ANATOMY, "--out", tmp_path, "--frames", "0,1,2,3").code == 2
-    motion = tmp_path / "motion"
-    motion.mkdir()
-    assert bonetrack("export", motion, *out).code == 2
     assert bonetrack("export", subject, "--gltf", *out).code == 2
     assert not (tmp_path / "out").exists()
 

@@ -23,6 +23,7 @@ from capture.cloud.patches import fit_patches, fit_patches_by_arrays
 from capture.compiled import compiled, compiled_sums, inlined
 from capture.rigid import apply, exp_so3, transform
 from tests.toy_anatomy import toy_anatomy
+from track.evaluation.benchmark.deformers import limbs_in_one
 from track.evaluation.skin_of_blocks import skin_of_blocks_by_shape, skin_of_blocks_by_v_hat
 
 
@@ -54,6 +55,21 @@ def test_the_posed_skin_and_its_derivatives_are_those_of_the_model(name: str, sp
     np.testing.assert_allclose(own.d, whole.d[rows], atol=1e-9)
     by_v_hat = skin_of_blocks_by_v_hat(body, theta, rows).d[:, :, len(theta) :]
     np.testing.assert_allclose(pose_skin_by_v_hat(body, theta, vertices=rows).d, by_v_hat, atol=1e-9)
+
+
+def test_a_limb_among_others_is_posed_as_alone_and_varies_with_its_own_coordinates_alone() -> None:
+    leg, rng = load_anatomy("lower-limb-right"), np.random.default_rng(3)
+    alone, several = make_body(leg), make_body(limbs_in_one(leg, 3))
+    n, vertices = len(leg.coordinates), len(leg.skin_vertices)
+    thetas = rest_theta(alone) + rng.uniform(-0.5, 0.5, (3, n))
+    rows = rng.choice(3 * vertices, 900, replace=False)
+    found = pose_skin_varying(several, thetas.ravel(), vertices=rows)
+    for k in range(3):
+        own = rows // vertices == k
+        expected = pose_skin_varying(alone, thetas[k], vertices=rows[own] % vertices)
+        np.testing.assert_allclose(found.value[own], expected.value, atol=1e-12)
+        np.testing.assert_allclose(found.d[own][:, :, k * n : (k + 1) * n], expected.d, atol=1e-12)
+        assert not np.delete(found.d[own], range(k * n, (k + 1) * n), axis=2).any()
 
 
 def test_normals_of_a_sample_are_those_of_the_whole_mesh() -> None:

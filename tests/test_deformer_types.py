@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapt.anatomy import Deformer, Frame
+from adapt.anatomy import Anatomy, Coordinate, Deformer, Frame, Joint
 from adapt.anatomy_file import load_anatomy, read_anatomy, save_anatomy
 from adapt.mirror import mirrored, mirrored_body
 from adapt.model.body import Body, make_body, pose_skin, pose_skin_varying, rest_theta
@@ -38,15 +38,25 @@ EXAMPLES = {
     "forearm": (("fore", "spin"), (ULNA, WRIST)),
     "bend": (("upper", "fore"), (START, END, BENT)),
     "halfway": (("upper", "fore"), (BENT, ULNA)),
+    "curve": (("upper", "fore"), (START, END)),
 }
+ARCHED = Frame(("inner", "outer"), ("inner", "outer"), ("styloid",), ("inner",), ("outer",))
 ABOUT_ELBOW = np.array([[0.03, -0.31, 0.01], [0.06, -0.33, 0.03], [0.1, -0.36, 0.02], [-0.02, -0.29, 0.0]])
+
+
+def arched_elbow(toy: Anatomy) -> Anatomy:
+    """The toy arm whose forearm stands at the end of an arc that is bent and twisted at rest, too."""
+    elbow = Joint("elbow", "curve", "upper", "fore", ("bend", "lean", "turn"), (), ("inner", "outer"), (), (ARCHED,))
+    more = Coordinate("lean", "rad", -1.1, 0.9, -0.4), Coordinate("turn", "rad", -1.0, 1.0, 0.3)
+    joints = tuple(elbow if joint.name == "elbow" else joint for joint in toy.joints)
+    return replace(toy, joints=joints, coordinates=(*toy.coordinates, *more))
 
 
 @pytest.fixture(scope="module", params=DEFORMER_TYPES)
 def case(request: pytest.FixtureRequest) -> tuple[Body, Deformer]:
     """The toy arm, of other proportions than at rest, with a deformer of the type in the place of its second."""
     bones, frames = EXAMPLES[request.param]
-    deformer, toy = Deformer("tested", request.param, bones, frames), toy_anatomy()
+    deformer, toy = Deformer("tested", request.param, bones, frames), arched_elbow(toy_anatomy())
     anatomy = replace(toy, deformers=(toy.deformers[0], deformer, toy.deformers[2]))
     body = make_body(anatomy)
     scales = np.linspace(0.9, 1.1, len(body.affine.groups))

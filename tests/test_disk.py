@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import resource
 import signal
@@ -14,12 +15,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from adapt.subject import save_subject
+from capture.files import replaced_when_complete
+from capture.journal import resume_journal
 from capture.recording import open_recording
 from capture.recording.depth_png import write_readings
+from tests.command_line import bonetrack
 from tests.known_limb import FRAMES
-from tests.test_cli import bonetrack, fails
+from tests.test_cli import fails
 from tests.test_track import same_motion
 from track.track_recording import JOURNAL, track_recording
 
@@ -67,6 +72,7 @@ def test_importing_onto_a_full_disk_says_so_and_the_same_command_then_works(tmp_
     source, out = images(tmp_path / "source", count=3), tmp_path / "rec"
     with room_for(20_000):
         line = fails(*importing(source, out), saying="File too large; make room")
+    assert "the same command again: it is done anew" in line
     assert str(out / "sensor" / "000000.png") in line
     fails("fuse", out, "--frame", 0, "--out", tmp_path / "cloud.ply", saying="never finished")
     assert bonetrack(*importing(source, out)).code == 0
@@ -80,10 +86,34 @@ def test_tracking_onto_a_full_disk_keeps_what_was_tracked(limb, tmp_path):
     with room_for(8_000):
         line = fails(*command, saying="File too large; make room")
     assert JOURNAL in line
+    assert "it goes on where it stopped" in line
     seen = []
     motion = track_recording(limb.recording, limb.subject, out, progress=lambda done, total: seen.append(done))
     assert 1 < seen[0] < FRAMES
     same_motion(motion, track_recording(limb.recording, limb.subject, tmp_path / "undisturbed"))
+
+
+def test_a_full_disk_is_told_of_the_subject_not_of_the_journal_beside_it(tmp_path):
+    out = tmp_path / "subject.npz"
+    journal = resume_journal(tmp_path / "subject.npz.partial-journal", "0" * 64, result=out)
+    with room_for(100), pytest.raises(OSError, match="File too large") as full:
+        journal.append({"theta": [0.0] * 1000})
+    assert full.value.filename == str(out)
+
+
+def test_errors_name_the_file_that_people_know_not_the_one_it_is_written_under(tmp_path):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "cloud.ply", tmp_path / f"{'a' * 250}.ply"):
+        with (
+            pytest.raises(OSError, match=r"Not a directory|too long") as failed,
+            replaced_when_complete(path) as partial,
+        ):
+            partial.write_text("anything")
+        assert failed.value.filename == str(path)
+    whole = tmp_path / "table.parquet"
+    with pytest.raises(OSError, match="full") as failed, replaced_when_complete(whole) as partial:
+        raise OSError(errno.ENOSPC, f"{partial} cannot be written, for the disk is full")
+    assert failed.value.strerror == f"{whole} cannot be written, for the disk is full"
 
 
 def test_a_folder_that_may_not_be_written_to_is_named():

@@ -227,6 +227,11 @@ def test_the_page_gives_the_mean_over_bodies_with_the_worst_and_marks_what_misse
     assert "| knee_angle_r within 2 SD (%) | 90 | **75 (50)** |" in text
     assert "| hip centre within 2 SD (%) | 90 | **50 (50)** |" in text
     assert "hip centre, carried (mm) 12.0 (20.0) (aim 10)" in bodies_page.losses(results)[0]
+    assert "held (" not in text
+    half = {"leg man 2 mixamo": result_of_a_leg(hip_mm=6.0, thigh=1.0, knee_deg=[0.0, 0.0], stated_deg=1.0)}
+    text = bodies_page.describe(results | half, tmp_path)
+    assert "|  | aim | mixamo (3 bodies) | looked at (2 bodies) | held (1 body) |" in text
+    assert "| hip centre, carried (mm) | 10 | 10.0 (20.0) | **12.0 (20.0)** | 6.0 (6.0) |" in text
     one_too_long = {"leg man 1 mixamo": result_of_a_leg(hip_mm=1.0, thigh=4.0, knee_deg=[0.0, 0.0], stated_deg=1.0)}
     assert "length of the thigh (%) +4.0 (+4.0) (aim 2 (3.5))" in bodies_page.losses(one_too_long)[0]
 

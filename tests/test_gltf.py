@@ -68,7 +68,11 @@ class ReadBack:
         return [world(k) for k in range(len(self.gltf.nodes))]
 
     def skin(self, key):
-        node = self.gltf.nodes[self.node("skin")]
+        return self.hung("skin", key)
+
+    def hung(self, name, key):
+        """The vertices at a key of a mesh that hangs on joints."""
+        node = self.gltf.nodes[self.node(name)]
         attributes = self.gltf.meshes[node.mesh].primitives[0].attributes
         rest, joints = self.array(attributes.POSITION), self.array(attributes.JOINTS_0)
         weights = self.array(attributes.WEIGHTS_0)

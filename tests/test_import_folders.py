@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.camera import backproject
+from capture.camera import Camera, backproject
 from capture.importers import ImportOptions, UserCamera, import_recording
-from capture.recording import read_depth
+from capture.recording import RecordingWriter, Sensor, open_recording, read_depth
 from tests.sensor_files import scene
 from tests.test_import_files import images, refused
 from tests.two_sensors import CAMERA, limb_depth, poses
@@ -222,3 +222,33 @@ def test_a_file_in_place_of_a_folder_is_refused(tmp_path):
     (tmp_path / "depth.txt").write_text("1.0 a.png")
     for name in ("tum", "redwood"):
         refused(tmp_path / "depth.txt", tmp_path, "is a folder", format_name=name)
+
+
+def test_a_sensors_folder_of_a_recording_gives_its_frames_and_their_times_and_no_image_of_the_box(tmp_path):
+    camera = Camera(scene.WIDTH, scene.HEIGHT, scene.FX, scene.FX, scene.CX, scene.CY)
+    with RecordingWriter(tmp_path / "whole", sensors=[Sensor("left", camera)], created_by="a test") as writer:
+        writer.set_box((0.3, 0.2, 0.15))
+        writer.add_box_frame("left", scene.readings(0), 0.0)
+        for frame, time_s in enumerate((0.5, 0.54, 0.63)):
+            writer.add_frame("left", scene.readings(frame), time_s)
+    sensor = open_recording(tmp_path / "whole").sensors[0]
+    recording = import_recording(tmp_path / "whole" / "left", tmp_path / "rec", ImportOptions(cameras=STATED))
+    (taken,) = recording.sensors
+    np.testing.assert_allclose([frame.time_s for frame in taken.frames], [0.0, 0.04, 0.13], atol=1e-9)
+    assert not taken.box_frames
+    for one, other in zip(taken.frames, sensor.frames, strict=True):
+        np.testing.assert_array_equal(read_depth(taken, one), read_depth(taken, other))
+    assert "frames.csv (images of the box left out: 1)" in recording.created_by
+
+
+def test_a_table_that_only_has_the_name_of_a_list_of_frames_is_left_aside(tmp_path):
+    folder = write_images(tmp_path / "images")
+    (folder / "depth" / "frames.csv").write_text("image;taken\n000.png;noon\n")
+    recording = import_recording(folder / "depth", tmp_path / "rec", ImportOptions(cameras=STATED))
+    assert len(recording.sensors[0].frames) == 3
+
+
+def test_a_list_without_frames_is_refused(tmp_path):
+    (tmp_path / "sensor").mkdir()
+    (tmp_path / "sensor" / "frames.csv").write_text("file,time_s\n")
+    refused(tmp_path / "sensor", tmp_path, "lists no frames", cameras=STATED)

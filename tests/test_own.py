@@ -18,9 +18,10 @@ from adapt.subject import save_subject
 from capture.errors import OutputError
 from capture.own import PNG, arrays_of, json_of, marked_png, page_of, refuse_foreign, replaced_if_own, table_of, words
 from capture.recording import RecordingWriter, Sensor, open_recording
+from tests.command_line import bonetrack
 from tests.known_limb import ANATOMY, KnownLimb
 from tests.known_motion import known_motion, reported_subject
-from tests.test_cli import bonetrack, fails
+from tests.test_cli import fails
 from tests.test_recording import CAMERA
 from track.batch.items import Item
 from track.batch.run_batch import TABLE, run_batch

@@ -119,7 +119,7 @@ def test_the_first_section_is_for_whoever_treats_the_person(limb: KnownLimb, tmp
     degrees = np.rad2deg(motion.thetas[:, motion.coordinates.index("elbow_flexion")])
     for words in (
         "Arm after week 6",
-        "Person P07 <x> Session week 6 Limb right arm",
+        "Person: P07 <x> Session: week 6 Limb: right arm",
         "wrist taped & sore",
         "83 % of the recording could be followed.",
         "1.2 mm from what the sensors saw (median).",
@@ -135,8 +135,8 @@ def test_the_first_section_is_for_whoever_treats_the_person(limb: KnownLimb, tmp
 
 def test_a_report_that_knows_of_nobody_leaves_the_person_out(read: _Page) -> None:
     text = " ".join(" ".join(read.text).split())
-    assert "Limb right arm" in text
-    assert "Person" not in text
+    assert "Limb: right arm" in text
+    assert "Person:" not in text
 
 
 def test_what_the_command_is_told_of_the_person_stays_with_the_motion(limb: KnownLimb, tmp_path: Path) -> None:

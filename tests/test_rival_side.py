@@ -23,7 +23,7 @@ from adapt.search.rival_side import (
     refuse_neither_side,
     refuse_the_other_side,
 )
-from adapt.subject import doubts
+from adapt.subject import WIDENED, doubts
 from capture.errors import FitError
 
 FRAMES = [0, 3, 6, 9]
@@ -118,11 +118,12 @@ def test_an_upper_arm_alone_does_not_tell_its_side(limb, clouds):
 
 
 def test_what_could_not_be_told_is_said_beside_every_result(limb):
-    figures = {"poses": [{"median_distance_mm": 1.0}]}
+    figures = {"poses": [{"median_distance_mm": 1.0}], WIDENED: 2.0}
     report = figures | {"side": asdict(SideEvidence(0.001, 0.00101, 120, 0.5)) | {"told": False}}
     assert "taken on trust" in doubts(replace(limb.subject, report=report))[0]
     assert doubts(replace(limb.subject, report=figures)) == []  # written before sides were told
     assert "limb that is not the subject's is told less surely" in doubts(replace(limb.subject, report={}))[0]
+    assert "narrower than they would be now" in doubts(replace(limb.subject, report={"poses": figures["poses"]}))[0]
 
 
 @pytest.mark.parametrize(("size", "by", "told"), [(0.8, 1, True), (0.8, 2, False), (1.0, 1, False), (1.3, 1, True)])

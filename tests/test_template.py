@@ -9,12 +9,12 @@ from adapt.anatomy_file import former_anatomies, load_anatomy
 from adapt.model.body import bone_transforms, make_body, pose_skin, posed_bones, rest_theta
 from adapt.template_builder import checks
 from adapt.template_builder.__main__ import PLANS
-from adapt.template_builder.assemble import holders
 from adapt.template_builder.check import Check, require
 from adapt.template_builder.meshes import Mesh, boundary_loop, level_set, simplified
 from adapt.template_builder.plan import HeldPart
 from adapt.template_builder.pose_bones import ROOT, PoseProblem, Target, Unknown, fit_pose, placed_bodies
 from adapt.template_builder.skin import Cut, catmull_clark, closed, cut_off, height_in
+from adapt.template_builder.skinning import holders
 from adapt.template_builder.sources_myosim import SourceBody, SourceHinge, SourceSkeleton, StatedJoint, restated
 from adapt.template_builder.tetrahedra import TetMesh, evaluate, with_corners_at
 from adapt.template_builder.upper_limb import UPPER_LIMB_RIGHT

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from capture.rigid import exp_so3
 from track.motion import MotionError
 
 
-def thoraco_humeral(
-    world_from_thorax: Floats, thetas: Floats, rotation: list[int], *, side: Literal["right", "left"]
-) -> dict[str, Floats]:
+def thoraco_humeral(world_from_thorax: Floats, thetas: Floats, rotation: list[int], *, side: str) -> dict[str, Floats]:
     """ISB angles (degrees) of the humerus in the thorax, Y-X'-Y'' (Wu et al. 2005), for poses (T, n).
 
     ``rotation`` are the indices of the humerus' rotation vector in theta; the thorax frame (4, 4) has X forward,

@@ -8,6 +8,7 @@ import click
 
 from capture.commands.region_options import near_option, region_near, region_option
 from capture.console import stdout, tell
+from capture.progress import progress
 from track.motion_summary import print_motion
 
 _PATH = click.Path(path_type=Path)
@@ -48,8 +49,6 @@ def track_command(
     threshold: tuple[tuple[str, float], ...],
 ) -> None:
     """Track SUBJECT through RECORDING; a run that was cut short goes on where it stopped."""
-    from rich.progress import Progress
-
     from adapt.subject import load_subject
     from capture.recording import instants, open_recording
     from track.angles import read_thorax
@@ -70,14 +69,13 @@ def track_command(
         keep_searching=keep_searching,
         thresholds=thresholds_of(threshold),
     )
-    with Progress(console=stdout, transient=True) as bar:
-        task = bar.add_task("tracking", total=None)
+    with progress("tracking") as work:
         motion = track_recording(
             opened,
             person,
             out,
             options,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total: work.at(done, total, f"{done} of {total} frames"),
             told=tell,
         )
     print_motion(motion, person)

@@ -19,6 +19,7 @@ from capture.cloud.fuse import fuse
 from capture.console import stdout, tell
 from capture.errors import RecordingError
 from capture.own import PNG, refuse_any_foreign, refuse_foreign
+from capture.progress import Work, progress
 from capture.recording import Recording, instants, open_recording
 from capture.recording.types import CALIBRATION_FILE
 from track.accuracy.commands import print_evaluation
@@ -49,15 +50,21 @@ def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
     with _step("calibrating the sensors by the box"):
         write_calibration(recording, calibrate_recording(recording))
         recording = open_recording(recording.path)
-    with _step("adapting the anatomy") as note:
-        subject = adapt_into(out / "subject.npz", recording, load_anatomy(anatomy), progress=note, told=tell)
+    with _step("adapting the anatomy") as work:
+        subject = adapt_into(
+            out / "subject.npz",
+            recording,
+            load_anatomy(anatomy),
+            progress=lambda words, share: work.at(share, 1.0, words),
+            told=tell,
+        )
     print_subject(subject, out / "subject.npz")
-    with _step("tracking") as note:
+    with _step("tracking") as work:
         motion = track_recording(
             recording,
             subject,
             out / "motion",
-            progress=lambda done, total: note(f"tracking: {done} of {total} frames"),
+            progress=lambda done, total: work.at(done, total, f"{done} of {total} frames"),
             told=tell,
         )
     print_motion(motion, subject)
@@ -72,11 +79,11 @@ def run_demo(out: Path, *, anatomy: str = ANATOMY) -> None:
 
 
 @contextmanager
-def _step(what: str) -> Iterator:  # type: ignore[type-arg]
+def _step(what: str) -> Iterator[Work]:
     """Show what is being done, and afterwards how long it took."""
     start = time.perf_counter()
-    with stdout.status(what) as status:
-        yield status.update
+    with progress(what) as work:
+        yield work
     stdout.print(f"{what}: {time.perf_counter() - start:.1f} s", highlight=False)
 
 
@@ -123,5 +130,7 @@ def _draw(recording: Recording, subject: Subject, motion: Motion, out: Path) -> 
         cloud = fuse(recording, moments[number])
         written.append(out / f"fit_{number:04d}.png")
         refuse_foreign(written[-1], PNG)
-        picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=motion.shown[number])
+        title = f"{subject.anatomy.name}, frame {number} of the sample, at {motion.times[number]:.2f} s"
+        shown = motion.shown[number]
+        picture_fit(subject.body, motion.thetas[number], cloud, written[-1], shown=shown, title=title)
     return written

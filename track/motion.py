@@ -210,7 +210,7 @@ _KNOWN = dict.fromkeys((*_ARRAYS, "description", "transforms/", "centres/"), _MO
 def _settings(kept: dict[str, Any] | None) -> Settings | None:
     if kept is None:
         return None
-    settings = Settings(kept["versions"], kept["options"], kept["thresholds"])
+    settings = Settings(kept["versions"], kept["options"], kept["thresholds"], kept.get("places", {}))
     if not all(
         np.isfinite(end).all() and end.shape == (3,) for end in (settings.region.minimum, settings.region.maximum)
     ):

@@ -1,15 +1,15 @@
 """Track a whole recording: frame by frame, written as it goes, resumed after a kill.
 
 Each finished frame is a line of ``MOTION/frames.jsonl``. The same command reads it back, drops an incomplete
-last line and up to four before it, and goes on from there; the final files replace it at the end. After the last frame the gaps are gone into
-backward (``track.backward_pass``); those lines tell the anchor that tracking went back from.
+last line and up to four before it, and goes on from there; the final files replace it at the end. After the last frame
+the gaps are gone into backward (``track.backward_pass``); those lines tell the anchor that tracking went back from.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ from track.prefetch import one_ahead
 from track.settings import Settings
 from track.tracked_frame import TrackedFrame, TrackerState
 from track.tracker import Tracker, make_tracker
+from track.whereabouts import whereabouts
 
 JOURNAL = "frames.jsonl"
 _ANCHOR = "anchor"  # names the journal's lines of frames tracked backward
@@ -86,6 +87,7 @@ def track_recording(
     _make_folder(out)
     tracker = make_tracker(subject, options.thresholds)
     settings = options.used(recording, subject=subject_fingerprint(subject), thresholds=tracker.decided_by())
+    settings = replace(settings, places=whereabouts(out, recording=recording.path, subject=subject.path))
     region = options.region or region_of_interest(recording)
     key = _key(recording, tracker, options, region)
     journal = resume_journal(out / JOURNAL, key, told, goes_on=lambda entry: _STATE in entry)

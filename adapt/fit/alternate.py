@@ -7,7 +7,7 @@ does: a body adapted by that would be surer of them than its covariance, and far
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,13 +24,12 @@ from adapt.match.correspondences import Correspondences, Target
 from adapt.match.skin_sample import SkinSample, sample_skin, weighted_by_tissue
 from adapt.model.body import Body
 from adapt.model.shape.population import ANYBODY, Person
+from adapt.stages import CERTAINTY, FINAL_POSES, ROUNDS, Progress
 
 _OUTER_ROUNDS = 3
 _SKIN_UPDATES = 3
 _SKIN_GATE_M = 0.02
 _TOGETHER = 2.0  # a sleeve is off alike along a whole bone: it counts as so many times what its patches show
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ def adapt_body(
     gone: Bools | None = None,
     by_proportions_m: float = 0.0,
     person: Person = ANYBODY,
-    progress: Progress = lambda _: None,
+    progress: Progress = lambda words, share: None,
 ) -> Adaptation:
     """Adapt ``body`` to K clouds from first poses ``thetas`` (K, n).
 
@@ -82,19 +81,19 @@ def adapt_body(
     noise_m = own_noise_m = SIGMA_M
     unseen_noise_m = None
     for outer in range(outer_rounds):
-        progress(f"round {outer + 1} of {outer_rounds}: shape and poses")
+        progress(f"round {outer + 1} of {outer_rounds}: shape and poses", ROUNDS.at(2 * outer, 2 * outer_rounds))
         fitted = fit_shape(body, targets, thetas, trusted(bony, noise_m), person=person)
         body, thetas = fitted.body, fitted.thetas
         if not optimise_skin:
             continue  # what the skin alone could explain would pass for noise
-        progress(f"round {outer + 1} of {outer_rounds}: skin")
+        progress(f"round {outer + 1} of {outer_rounds}: skin", ROUNDS.at(2 * outer + 1, 2 * outer_rounds))
         body, matches = _skin_updates(body, targets, thetas, sample)
         own_noise_m = patch_noise(body.anatomy, matches, sample, fitted.parameters)
         unseen_noise_m = unseen_noise(body, unseen, gone)
         noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m
-    progress("final poses")
+    progress("final poses", FINAL_POSES.begin)
     fits = [fit_pose(body, target, theta, sample) for target, theta in zip(targets, thetas, strict=True)]
-    progress("how sure the body is")
+    progress("how sure the body is", CERTAINTY.begin)
     if not optimise_skin:
         unseen_noise_m = unseen_noise(body, unseen, gone)
         noise_m = own_noise_m if unseen_noise_m is None else unseen_noise_m

@@ -15,13 +15,13 @@ the skin does, and a bone is told to a few per cent by the fit: together _ALLOWE
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from adapt.model.body import Body
-from adapt.model.shape.population import BONE_MEASURES, of_men_and_women
+from adapt.model.shape.population import bone_measure, of_men_and_women
 from adapt.model.shape.prior import bones_between_groups
 from capture.errors import FitError
 
@@ -53,6 +53,7 @@ class BoneLength:
     """A bone between two joints' centres (m), the template's, and what 99.9 % of people have (m)."""
 
     bone: str
+    joints: frozenset[int]
     length_m: float
     template_m: float
     least_m: float
@@ -71,8 +72,9 @@ def bone_lengths(body: Body) -> list[BoneLength]:
     lengths = []
     for (first, last), bone in bones_between_groups(body.anatomy, body.affine).items():
         length, usual = (float(np.linalg.norm(points[last] - points[first])) for points in (heads, template))
-        least, largest = _plausible(BONE_MEASURES.get(bone, "stature"))
-        lengths.append(BoneLength(bone, length, usual, least * usual / _ALLOWED, largest * usual * _ALLOWED))
+        least, largest = _plausible(bone_measure(bone) or "stature")
+        joints = frozenset((first, last))
+        lengths.append(BoneLength(bone, joints, length, usual, least * usual / _ALLOWED, largest * usual * _ALLOWED))
     return lengths
 
 
@@ -92,10 +94,12 @@ def refuse_what_nobody_is(body: Body, where: Path) -> None:
             where=where,
             remedy=_REMEDY,
         )
-    for one, other in pairwise(bones):
+    for one, other in combinations([bone for bone in bones if bone_measure(bone.bone)], 2):
+        if one.bone == other.bone or not one.joints & other.joints:
+            continue
         ratio = (one.length_m / one.template_m) / (other.length_m / other.template_m)
         allowed = _PELVIS_AND_THIGH if "pelvis" in (one.bone, other.bone) else _NEIGHBOURS
-        if max(ratio, 1.0 / ratio) > allowed and {one.bone, other.bone} <= BONE_MEASURES.keys():
+        if max(ratio, 1.0 / ratio) > allowed:
             usual = one.template_m / other.template_m
             raise FitError(
                 f"the {one.bone} came out {_mm(one.length_m)} mm long and the {other.bone} {_mm(other.length_m)} mm, "

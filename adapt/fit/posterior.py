@@ -53,9 +53,9 @@ from adapt.subject import Subject
 from adapt.tissue import tissue_field
 from capture.errors import FitError
 
-OF_PEOPLE = 2.0
-"""How many times as far off as the noise alone would have it a body is: people are not of our model's making. By what
-joint centres of people by MakeHuman, moved by its rigs, were off by (docs/uncertainty.md)."""
+OF_PEOPLE = 2.5
+"""How many times as far off as the noise alone would have it a body is: people are not of our model's making. Set on
+three people by MakeHuman, moved by its rigs, and looked at on three others: docs/uncertainty.md says what it covers."""
 _SAMPLED_VERTICES = 2000
 _UNTOLD = 1e-6  # of what a pose is told on average, it is taken to be told of everything
 _ENOUGH = 400  # matches spread over the limb: with twice as many, deviations differ by 1 to 2 %

@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Ints
+from adapt.model.along import posed_along
 from adapt.model.compiled.layout import BoundSkin, Varying
 from adapt.model.compiled.links import Chain
 from adapt.model.compiled.prepared import prepare_chain, prepare_skin
@@ -247,7 +248,8 @@ def posed_bones(body: Body, theta: Floats) -> dict[str, Floats]:
     (['humerus', 'ulna', 'radius', 'hand'], True)
     """
     transforms = bone_transforms(body, theta)
-    return {name: rest @ transforms[name][:3, :3].T + transforms[name][:3, 3] for name, rest in body.rest_bones.items()}
+    anatomy, p = body.anatomy, body.p.value
+    return {b.name: posed_along(anatomy, b, body.rest_bones[b.name], p, transforms) for b in anatomy.bones}
 
 
 def joint_centres(body: Body, theta: Floats) -> dict[str, Floats]:

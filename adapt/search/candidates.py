@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 
 from adapt.anatomy import Floats
-from adapt.fit.alternate import Progress
 from adapt.fit.examples import choose_examples
 from adapt.fit.pose import fit_pose
 from adapt.fit.shape import fit_shape
@@ -25,6 +24,7 @@ from adapt.search.first_pose import locate, try_pose, variations
 from adapt.search.overall_size import SizedPose, settle_size
 from adapt.search.pose_score import ScoredPose, score_pose
 from adapt.search.search_journal import FoundPoses
+from adapt.stages import FIRST_POSES, SEARCH, Progress
 from capture.cloud.fuse import fuse
 from capture.errors import BonetrackError, CloudError, FitError
 from capture.recording import Instant, Recording
@@ -114,7 +114,7 @@ def pose_candidates(
     posed: dict[int, ScoredPose] = {}
     body, others = _outwards(list(targets), body, targets, sample, first_poses, posed, found, progress, options.person)
     for number, k in enumerate(others):
-        progress(f"first pose {number + 1} of {len(targets)}")
+        progress(f"first pose {number + 1} of {len(targets)}", FIRST_POSES.at(number, len(targets)))
         near = sorted(posed, key=lambda other: abs(other - k))[:1]
         starts = [start for other in near for start in variations(body.anatomy, posed[other].fit.theta)]
         if k in first_poses:
@@ -148,7 +148,7 @@ def _outwards(
     given = [k for k in frames if k in first_poses]
     sized: dict[int, SizedPose] = {}
     for number, k in enumerate(given[:1] or frames[:: max(1, len(frames) // _SEARCHED)][:_SEARCHED]):
-        progress(f"searching the limb in frame {number + 1} of {_SEARCHED}")
+        progress(f"searching the limb in frame {number + 1} of {_SEARCHED}", SEARCH.at(number, _SEARCHED))
 
         def search(body: Body, size: float, k: int = k) -> ScoredPose:
             if k in first_poses:

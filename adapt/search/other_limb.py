@@ -112,9 +112,10 @@ def refuse_two_limbs(
         if theirs is not None and theirs.support < -TOLD and theirs.other_m < _ALIKE * side.asked_m:
             return  # the other limb is of the other side
     places = [_middle(body, theta) for theta in (thetas[k], pose.fit.theta)]
+    by_side = "" if body.anatomy.side == "both" else f"with {other_side_asked(body.anatomy)}, "
     raise FitError(
         f"two limbs could be meant, at {_said(places[0])} and at {_said(places[1])} m",
-        remedy=f"say which with `--near X Y Z` or a region, with {other_side_asked(body.anatomy)}, "
+        remedy=f"say which with `--near X Y Z` or a region, {by_side}"
         "or, where both go through the same places, with first poses of the one that is meant",
     )
 

@@ -25,7 +25,7 @@ def keeps_to_its_side(anatomy: Anatomy) -> bool:
     >>> keeps_to_its_side(load_anatomy("lower-limb-right")), keeps_to_its_side(load_anatomy("upper-limb-right"))
     (True, False)
     """
-    return any(bone.name == _SHANK for bone in anatomy.bones)
+    return anatomy.side != "both" and any(bone.name == _SHANK for bone in anatomy.bones)
 
 
 def lies_on_its_side(body: Body, theta: Floats, other: Floats) -> bool | None:

@@ -139,8 +139,10 @@ def compare_sides(
     """Fit an anatomy and its mirror image to K clouds, near the poses (K, n) of a body of that ``scale``.
 
     ``gone`` (V,) is skin that takes no part; ``person`` is what is said of whose limb it is. None where
-    either side fits nowhere.
+    either side fits nowhere, and of a body that has both sides.
     """
+    if anatomy.side == "both":
+        return None
     asked = resized(make_body(anatomy), scale)  # neither side begins with what the other made of the clouds
     other = mirrored_body(asked)
     gone = np.zeros(len(anatomy.skin_vertices), dtype=bool) if gone is None else gone

@@ -136,14 +136,15 @@ def turn_checks(body: Body) -> list[Check]:
     return checks
 
 
-def drift_checks(anatomy: Anatomy) -> list[Check]:
+def drift_checks(anatomy: Anatomy, shapes: list[Floats] | None = None) -> list[Check]:
     """Bone heads and the landmarks at a joint move together when proportions change.
 
     All bone vertices within 2 cm of a joint's centre and all landmarks of its motion are deformed by 100 random
-    shapes (lengths by up to 8 per cent, scales by up to 6) and compared with the joint's own similarity.
+    shapes (lengths by up to 8 per cent, scales by up to 6), or by ``shapes``, and compared with the joint's own
+    similarity.
     """
     affine, positions, rng = affine_set(anatomy), handle_positions(anatomy), np.random.default_rng(2015)
-    shapes = [_random_shape(affine, rng) for _ in range(100)]
+    shapes = [_random_shape(affine, rng) for _ in range(100)] if shapes is None else shapes
     checks = []
     for joint in anatomy.joints:
         group = next((h.joint for h in anatomy.handles if h.joint == joint.name), None)

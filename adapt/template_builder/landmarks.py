@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from adapt.template_builder.plan import AxisPlan, LimbPlan, PointPlan
+from adapt.template_builder.plan import AnatomyPlan, AxisPlan, PointPlan
 from adapt.template_builder.pose_bones import Placement
 from adapt.template_builder.sources_myosim import SourceSkeleton
 from capture.errors import AnatomyError
@@ -31,7 +31,7 @@ def point_on_body(skeleton: SourceSkeleton, plan: PointPlan) -> Floats:
 
 
 def landmarks_of(
-    skeleton: SourceSkeleton, placements: dict[str, Placement], plan: LimbPlan, angles: dict[str, float]
+    skeleton: SourceSkeleton, placements: dict[str, Placement], plan: AnatomyPlan, angles: dict[str, float]
 ) -> tuple[tuple[str, ...], Floats]:
     """Names and positions (P, 3) m of all landmarks: bony points, points on joint axes, controls of spline joints.
 

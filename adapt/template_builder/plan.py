@@ -168,25 +168,19 @@ class Cushion:
     radius: float
 
 
-@dataclass(frozen=True)
-class LimbPlan:
-    """All of it. For the record: ``upstream``, what the source's bones go back to, and ``facts``, as rows of a table
+@dataclass(frozen=True, kw_only=True)
+class AnatomyPlan:
+    """What every anatomy's plan states.
 
-    (what, from where, under which licence; facts have none), and ``notes``, a paragraph of choices.
+    For the record: ``upstream``, what the source's bones go back to, and ``facts``, as rows of a table (what, from
+    where, under which licence; facts have none), and ``notes``, a paragraph of choices.
     """
 
     name: str
-    side: Literal["right", "left"]
+    side: Literal["right", "left", "both"]
     upstream: tuple[tuple[str, str, str], ...]
     facts: tuple[tuple[str, str], ...]
     notes: str
-    skin: SkinPlan
-    bodies: tuple[str, ...]
-    without: tuple[str, ...]  # meshes of those bodies that are left out
-    pieces: tuple[Piece, ...]  # bodies that are taken apart
-    follows: dict[str, Follow]  # bodies that follow a table instead of their hinges
-    stated: dict[str, StatedJoint]  # bodies whose joints are not the source's
-    shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
     bones: tuple[BonePlan, ...]
     points: tuple[PointPlan, ...]
     axes: tuple[AxisPlan, ...]
@@ -198,8 +192,22 @@ class LimbPlan:
     deformers: tuple[Deformer, ...]
     held: tuple[HeldPart, ...]
     cushions: tuple[Cushion, ...]  # bones that are not named hold along their whole length
-    fit_near_cut: tuple[tuple[float, ...], tuple[float, ...]]  # distance from the cut (m), weight
     fit_ramps: tuple[RampPlan, ...]
     spots: tuple[Spot, ...]  # where bones lie just under the skin
     clearance: dict[str, float]  # how near (m) to the skin any vertex of a bone, by name, may come
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimbPlan(AnatomyPlan):
+    """All of a limb, which is cut off the source's skin and of which one source skeleton is posed at once."""
+
+    side: Literal["right", "left"]
+    skin: SkinPlan
+    bodies: tuple[str, ...]
+    without: tuple[str, ...]  # meshes of those bodies that are left out
+    pieces: tuple[Piece, ...]  # bodies that are taken apart
+    follows: dict[str, Follow]  # bodies that follow a table instead of their hinges
+    stated: dict[str, StatedJoint]  # bodies whose joints are not the source's
+    shifts: dict[str, Vector]  # bodies moved (m) in their parents before posing, to keep joint spaces open
+    fit_near_cut: tuple[tuple[float, ...], tuple[float, ...]]  # distance from the cut (m), weight
     pose: Callable[[SourceSkeleton, SourceSkin, Mesh], tuple[dict[str, float], dict[str, Placement]]]

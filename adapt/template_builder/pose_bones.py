@@ -41,6 +41,10 @@ class Placement:
         """Place points (N, 3) or (3,) of the body's frame."""
         return np.asarray((points * self.scale) @ self.rotation.T + self.translation)
 
+    def inverse(self, points: Floats) -> Floats:
+        """The points (N, 3) or (3,) of the body's frame that go there."""
+        return np.asarray(((points - self.translation) @ self.rotation) / self.scale)
+
     def direction(self, direction: Floats) -> Floats:
         """Place a unit direction (3,) of the body's frame, stretched as the body is."""
         placed = self.rotation @ (self.scale * direction)
@@ -124,8 +128,14 @@ def placed_bodies(problem: PoseProblem, values: dict[str, float]) -> dict[str, P
     return placements
 
 
-def fit_pose(problem: PoseProblem, depth: Callable[[Floats], Floats]) -> dict[str, float]:
-    """Solve the least-squares problem; the values of all parameters by name, fixed ones included."""
+def fit_pose(
+    problem: PoseProblem, depth: Callable[[Floats], Floats], *, start: dict[str, float] | None = None
+) -> dict[str, float]:
+    """Solve the least-squares problem from ``start`` (by name; else from the priors).
+
+    Returns:
+        The values of all parameters by name, fixed ones included.
+    """
     names = [unknown.name for unknown in problem.unknowns]
     prior = np.array([unknown.prior for unknown in problem.unknowns])
     spread = np.array([unknown.spread for unknown in problem.unknowns])
@@ -135,7 +145,8 @@ def fit_pose(problem: PoseProblem, depth: Callable[[Floats], Floats]) -> dict[st
         return np.concatenate([_geometry(problem, placed, depth), (q - prior) / spread])
 
     bounds = ([unknown.low for unknown in problem.unknowns], [unknown.high for unknown in problem.unknowns])
-    found = least_squares(residuals, prior, bounds=bounds, x_scale=np.minimum(spread, 0.2), diff_step=1e-4)
+    first = prior if start is None else np.array([start[name] for name in names])
+    found = least_squares(residuals, first, bounds=bounds, x_scale=np.minimum(spread, 0.2), diff_step=1e-4)
     return problem.fixed | dict(zip(names, map(float, found.x), strict=True))
 
 

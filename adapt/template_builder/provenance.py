@@ -17,6 +17,10 @@ from adapt.template_builder.sources_myosim import MODEL, PACKAGE
 from adapt.template_builder.superficial import Spot
 from capture.files import replaced_when_complete
 
+BASE_MESH = """\
+The base mesh is copyright 2020 Data Collection AB, Joel Palmius and Jonas Hauquier, and was released as CC0 in
+September 2020."""
+
 _COMPUTED = """\
 - Joint axes, landmarks and handles moved with the bones. Weights and tetrahedra were computed by this program. The
   tetrahedra come out otherwise each time they are made (`findings/pytetwild_one_thread_not_repeatable.sh`), and
@@ -34,12 +38,10 @@ def write_provenance(
 
 def _text(anatomy: Anatomy, plan: LimbPlan, pose: dict[str, float], checks: list[Check]) -> str:
     targets = ", ".join(f"`{name}` x {weight:.3g}" for name, weight in plan.skin.targets.items())
-    tets = ", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())
     rest = ", ".join(f"`{c.name}` {np.degrees(c.rest):.1f}" for c in anatomy.coordinates if c.name in plan.rest_from)
     scales = {name: np.exp(value) for name, value in pose.items() if name.startswith("log_")}
     upstream = "\n".join(f"| {what} | {where} | {licence} |" for what, where, licence in plan.upstream)
     facts = "\n".join(f"| {what} | {where} | facts |" for what, where in plan.facts)
-    bones = "bones" if plan.stated else "bones, joint axes"
     return f"""# {plan.name}
 
 Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoformat()}.
@@ -48,14 +50,13 @@ Built by `python -m adapt.template_builder {plan.name}` on {date.today().isoform
 
 | what | from | licence |
 |---|---|---|
-| {bones} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
+| {"bones" if plan.stated else "bones, joint axes"} | PyPI `{PACKAGE}` {version(PACKAGE)}, model `{MODEL}` | Apache-2.0, see `LICENSE-myo-sim.txt` |
 {upstream}
 | skin, its joint centres | MakeHuman base mesh hm08 and shape targets, CC0, as packed in PyPI `{SKIN_PACKAGE}` \
 {version(SKIN_PACKAGE)} (whose code was not used) | CC0-1.0, see `LICENSE-makehuman.md` |
 {facts}
 
-The base mesh is copyright 2020 Data Collection AB, Joel Palmius and Jonas Hauquier, and was released as CC0 in
-September 2020. Shape targets and their weights: {targets}; the body scaled to a stature of {plan.skin.stature} m.
+{BASE_MESH} Shape targets and their weights: {targets}; the body scaled to a stature of {plan.skin.stature} m.
 
 ## What was changed
 
@@ -76,14 +77,14 @@ Other angles in which the source's bodies stand at rest (degrees): {_askew(plan,
 Scales: {", ".join(f"{name.removeprefix('log_')} {value:.3f}" for name, value in scales.items())}.
 
 Vertices: skin {len(anatomy.skin_vertices)}, {", ".join(f"{bone.name} {len(bone.vertices)}" for bone in anatomy.bones)}.
-Tetrahedra: {tets}.
+Tetrahedra: {", ".join(f"{name} {len(parts[1])}" for name, parts in anatomy.tetrahedra.items())}.
 
 {_depths(anatomy, plan)}
 ## Checks at build time
 
 | check | measured | limit | unit |
 |---|---|---|---|
-{chr(10).join(_row(check) for check in checks)}
+{chr(10).join(check_row(check) for check in checks)}
 """
 
 
@@ -117,6 +118,7 @@ def _depth_row(spot: Spot, depth: float) -> str:
     return f"| {spot.name} | {1e3 * depth:.1f} | {1e3 * spot.low:.1f} to {1e3 * spot.high:.1f} | {spot.source} |"
 
 
-def _row(check: Check) -> str:
+def check_row(check: Check) -> str:
+    """A check as a row of the record's table."""
     sign = "at least" if check.least else "at most"
     return f"| {check.name} | {check.measured:.4g} | {sign} {check.limit:.4g} | {check.unit} |"

@@ -16,6 +16,7 @@ from capture.errors import AnatomyError
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+_SMALLEST = 0.02  # of the tetrahedra that were there: what one may shrink to when a corner is moved
 _NEIGHBOURS = 24  # tetrahedra with the nearest middles, among which a point's own is looked for
 
 
@@ -50,26 +51,56 @@ def tetrahedralised(surface: Mesh, *, edge: float, epsilon: float = 2e-4) -> Tet
     return mesh
 
 
-def with_corners_at(mesh: TetMesh, points: Floats, *, within: float) -> tuple[TetMesh, Ints]:
+def on_grid(surface: Mesh, *, edge: float) -> TetMesh:
+    """The cells of a cubic grid of ``edge`` (m) in which a closed surface lies, as tetrahedra: six each (Kuhn 1960).
+
+    They reach a little beyond the surface, so that its own points lie in them, and come out the same every time.
+    A cell belongs to it that has a corner inside, or the surface within 0.3 edges of its middle.
+    """
+    low = np.floor(surface.vertices.min(axis=0) / edge).astype(int) - 1
+    shape = np.ceil(surface.vertices.max(axis=0) / edge).astype(int) + 2 - low
+    corners = edge * (low + np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1))
+    inside = (surface.depth(corners.reshape(-1, 3)) > 0.0).reshape(shape)
+    cells = np.argwhere(np.ones(shape - 1, dtype=bool))
+    at = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 0], [0, 1, 1], [1, 0, 0], [1, 0, 1], [1, 1, 0], [1, 1, 1]])
+    of_cell = cells[:, None] + at
+    has_inside = inside[tuple(of_cell.transpose(2, 0, 1))].any(axis=1)
+    middles = corners[tuple(cells.T)] + 0.5 * edge
+    near = cKDTree(surface.vertices).query(middles)[0] < edge
+    near[near] = surface.depth(middles[near]) > -0.3 * edge
+    of_cell = of_cell[has_inside | near]
+    index = np.ravel_multi_index(tuple(of_cell.transpose(2, 0, 1)), tuple(shape))
+    ways = np.array([[0, 4, 6, 7], [0, 6, 2, 7], [0, 2, 3, 7], [0, 3, 1, 7], [0, 1, 5, 7], [0, 5, 4, 7]])
+    tets = index[:, ways].reshape(-1, 4)
+    used, tets = np.unique(tets, return_inverse=True)
+    mesh = TetMesh(corners.reshape(-1, 3)[used], tets.reshape(-1, 4))
+    turned = mesh.volumes() < 0.0
+    return TetMesh(mesh.points, np.where(turned[:, None], mesh.tets[:, [0, 1, 3, 2]], mesh.tets))
+
+
+def with_corners_at(mesh: TetMesh, points: Floats, *, within: float, exact: bool = True) -> tuple[TetMesh, Ints]:
     """Move one corner onto each of ``points`` (K, 3) and say which (K,); every tetrahedron stays positive.
 
-    Raises AnatomyError when no corner within ``within`` (m) of a point can be moved there.
+    Unless ``exact``, the nearest corner stays where it is when none can be moved. Raises AnatomyError when no corner
+    within ``within`` (m) of a point will do.
     """
     moved, chosen = mesh.points.copy(), []
-    smallest = 0.02 * float(np.median(mesh.volumes()))
     for point in points:
-        order = np.argsort(np.linalg.norm(moved - point, axis=1))[:30]
-        for corner in order:
-            if int(corner) in chosen or np.linalg.norm(moved[corner] - point) > within:
-                continue
+        off = np.linalg.norm(moved - point, axis=1)
+        free = [int(corner) for corner in np.argsort(off)[:30] if int(corner) not in chosen and off[corner] <= within]
+        for corner in free:
             before = moved[corner].copy()
             moved[corner] = point
             around = mesh.tets[np.any(mesh.tets == corner, axis=1)]
-            if TetMesh(moved, around).volumes().min() > smallest:
-                chosen.append(int(corner))
+            usual = float(np.median(TetMesh(mesh.points, around).volumes()))
+            if TetMesh(moved, around).volumes().min() > _SMALLEST * usual:
+                chosen.append(corner)
                 break
             moved[corner] = before
         else:
+            if free and not exact:
+                chosen.append(free[0])
+                continue
             raise AnatomyError(f"no tetrahedron corner can be moved to {np.round(point, 4)}", remedy="use smaller tets")
     return TetMesh(moved, mesh.tets), np.array(chosen, dtype=np.int64)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from capture.console import stdout
+from capture.progress import progress
 
 if TYPE_CHECKING:
     from capture.recording import Calibration, Recording
@@ -32,7 +33,7 @@ def calibrate_command(recording: Path, extrinsics: Path | None) -> None:
     from capture.recording import open_recording
 
     opened = open_recording(recording)
-    with stdout.status("calibrating"):
+    with progress("calibrating"):
         calibration = calibrate_recording(opened) if extrinsics is None else known_by_file(opened, extrinsics)
     write_calibration(opened, calibration)
     print_calibration(calibration)

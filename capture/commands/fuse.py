@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from capture.commands.region_options import near_option, region_near, region_option
+from capture.commands.written_file import WrittenFile
 from capture.console import stdout
 from capture.errors import RecordingError
-
-if TYPE_CHECKING:
-    pass
 
 _PATH = click.Path(path_type=Path)
 
@@ -20,7 +17,7 @@ _PATH = click.Path(path_type=Path)
 @click.command("fuse")
 @click.argument("recording", type=_PATH)
 @click.option("--frame", type=click.IntRange(0), required=True, help="Which instant, counted from 0.")
-@click.option("--out", type=_PATH, required=True, help="The point cloud to write (.ply).")
+@click.option("--out", type=WrittenFile(".ply", "PLY"), required=True, help="The point cloud to write (.ply).")
 @region_option
 @near_option
 def fuse_command(

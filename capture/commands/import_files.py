@@ -13,6 +13,7 @@ from capture.commands.calibrate import extrinsics_option, known_by_file, print_c
 from capture.commands.camera_options import CameraOptions
 from capture.commands.recording_summary import print_recording
 from capture.console import stdout
+from capture.progress import progress
 
 if TYPE_CHECKING:
     from capture.importers import ImportOptions
@@ -25,6 +26,7 @@ _FORMAT_NAMES = (
     "realsense-db3",
     "openni",
     "tum",
+    "sensor-folder",
     "redwood",
     "realsense-snapshots",
     "clouds",
@@ -131,12 +133,14 @@ def import_command(
 
     options = _options(len(sources), **asked)
     looks: list[tuple[str, str]] = []
-    with stdout.status("importing") as status:
+    with progress("importing") as work:
         recording = import_recording(
             sources,
             out,
             options,
-            progress=lambda name, count, total: status.update(f"{name}: {count}{f' of {total}' if total else ''}"),
+            progress=lambda name, count, total: work.at(
+                count, total, f"{name}, {count}{f' of {total}' if total else ''} frames"
+            ),
             readings=lambda name, words: looks.append((name, words)),
         )
     print_recording(recording)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from capture.commands.box_options import box_options, shown_box
 from capture.commands.recording_summary import print_recording
-from capture.console import stdout
-
-if TYPE_CHECKING:
-    pass
+from capture.progress import progress
 
 _PATH = click.Path(path_type=Path)
 
@@ -40,7 +36,7 @@ def record_command(
         raise click.BadParameter("when the box is shown is needed, too", param_hint="--box-seconds")
     shown = shown_box(box, box_seconds)
     devices = connected(out)
-    with stdout.status("waiting for frames") as status:
+    with progress("recording") as work:
         recording = record(
             devices,
             out,
@@ -48,6 +44,6 @@ def record_command(
             sensor_names=sensor,
             box=shown,
             overwrite=overwrite,
-            progress=lambda now, written, lost: status.update(f"{now:.1f} s: {written} frames, {lost} lost"),
+            progress=lambda now, written, lost: work.at(now, seconds, f"{written} frames, {lost} lost"),
         )
     print_recording(recording)

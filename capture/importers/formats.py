@@ -17,6 +17,7 @@ from capture.importers import (
     realsense_bag,
     realsense_db3,
     realsense_snapshots,
+    sensor_folder,
     text_images,
 )
 from capture.importers.disparity import converted
@@ -65,6 +66,7 @@ FORMATS = (
     Format("realsense-db3", realsense_db3.open_db3, head=b"SQLite format 3\0", suffixes=(".db3",)),
     Format("openni", openni.open_oni, head=b"NI10", suffixes=(".oni",)),
     Format("tum", datasets.open_tum, is_folder=datasets.is_tum),
+    Format("sensor-folder", sensor_folder.open_sensor_folder, is_folder=sensor_folder.is_sensor_folder),
     Format("redwood", datasets.open_redwood, is_folder=datasets.is_redwood),
     Format("realsense-snapshots", realsense_snapshots.open_snapshots, is_folder=realsense_snapshots.is_snapshots),
     Format("clouds", clouds.open_clouds, suffixes=(".ply", ".pcd"), is_folder=clouds.is_clouds),
@@ -86,7 +88,12 @@ FORMATS = (
 )
 """In the order of trying; ``raw`` is whatever nothing else is."""
 
-_TOLD_BY_OTHER_FILES = (datasets.is_tum, datasets.is_redwood, realsense_snapshots.is_snapshots)
+_TOLD_BY_OTHER_FILES = (
+    datasets.is_tum,
+    datasets.is_redwood,
+    realsense_snapshots.is_snapshots,
+    sensor_folder.is_sensor_folder,
+)
 """Folders whose images are told by files that are none, so that a pattern for images does not say what they are."""
 
 _BY_NAME = {format.name: format for format in FORMATS}

@@ -173,7 +173,7 @@ def _sensor(entry: Checked, folder: Path, mended: list[str]) -> Sensor:
         )
     box_list = home / BOX_FRAMES_FILE
     clock = Clock()
-    frames = _frames(home / FRAMES_FILE, clock)
+    frames = read_frame_list(home / FRAMES_FILE, clock)
     mended += restarts_in_words(name, clock.restarts)
     return Sensor(
         name=name,
@@ -181,7 +181,7 @@ def _sensor(entry: Checked, folder: Path, mended: list[str]) -> Sensor:
         depth_unit_m=entry.number("depth_unit_m", above=0.0),
         depth_range_m=(nearest, farthest),
         frames=frames,
-        box_frames=_frames(box_list) if box_list.is_file() else (),
+        box_frames=read_frame_list(box_list) if box_list.is_file() else (),
         colour=None if entry.value.get("colour") is None else _colour(entry.object("colour"), home),
         mirrored="mirrored" in entry.value and entry.flag("mirrored"),
     )
@@ -192,7 +192,7 @@ def _colour(entry: Checked, home: Path) -> Colour:
     return Colour(
         camera=_optional(entry, "camera", _camera),
         colour_from_depth=None if entry.value.get("colour_from_depth") is None else _rigid(entry, "colour_from_depth"),
-        frames=_frames(list_file) if list_file.is_file() else (),
+        frames=read_frame_list(list_file) if list_file.is_file() else (),
     )
 
 
@@ -224,8 +224,12 @@ def _rigid(entry: Checked, key: str) -> np.ndarray[tuple[int, int], np.dtype[np.
     return matrix
 
 
-def _frames(list_file: Path, clock: Clock | None = None) -> tuple[FrameFile, ...]:
-    """The frames that a list names: columns file, time_s; times strictly increasing on the clock; files there."""
+def read_frame_list(list_file: Path, clock: Clock | None = None) -> tuple[FrameFile, ...]:
+    """The frames that a list names: columns file, time_s; times strictly increasing on the clock; files there.
+
+    Raises:
+        RecordingError: it is not such a list.
+    """
     clock = Clock() if clock is None else clock
     try:
         with list_file.open(newline="", encoding="utf-8-sig") as file:

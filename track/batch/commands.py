@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from capture.console import stdout
+from capture.progress import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,22 +37,18 @@ def batch_command(
     Recordings of several sensors that were not calibrated are calibrated first. The same command goes on where it was
     stopped, and tries again what failed.
     """
-    from rich.progress import Progress
-
     from track.batch.items import BatchError, read_items
     from track.batch.run_batch import TABLE, run_batch
 
     items = read_items(source, anatomy=anatomy)
-    with Progress(console=stdout, transient=True) as bar:
-        task = bar.add_task("recordings", total=len(items))
-        rows = run_batch(
-            items,
-            out,
-            scheduler=scheduler,
-            workers=workers,
-            retries=retries,
-            progress=lambda _: bar.advance(task),
-        )
+    with progress("batch") as work:
+        finished = count(1)
+
+        def told(_: Row) -> None:
+            number = next(finished)
+            work.at(number, len(items), f"{number} of {len(items)} recordings")
+
+        rows = run_batch(items, out, scheduler=scheduler, workers=workers, retries=retries, progress=told)
     print_rows(rows)
     stdout.print(f"table written to {out / TABLE}", highlight=False)
     if failed := sum(bool(row.error) for row in rows):

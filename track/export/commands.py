@@ -19,7 +19,7 @@ _ONE_FILE = ("gltf", "usd", "bvh", "c3d")
 
 @click.command("export")
 @click.argument("source", type=_PATH)
-@click.option("--subject", type=_PATH, help="The subject of a motion.")
+@click.option("--subject", type=_PATH, help="The subject of a motion [default: the one the motion knows].")
 @click.option("--frame", type=int, help="Also write skin and bones of this frame of a motion.")
 @click.option(
     "--gltf", is_flag=True, help="Also write a motion as an animated skeleton with skin and bones, motion.glb."
@@ -55,18 +55,18 @@ def export_command(
     from track.export.animations import Asked, refuse_formats, write_formats
     from track.export.files import export_motion, export_subject
     from track.motion import MotionError, load_motion, refuse_recording
+    from track.whereabouts import subject_of
 
     names = [name for name in _ONE_FILE if one_file[name]]
     if not source.is_dir():
         if names or parquet:
             options = ", ".join(f"--{name}" for name in [*names, *(["parquet"] if parquet else [])])
-            raise click.UsageError(f"{options} go with a motion: name its folder and --subject")
+            raise click.UsageError(f"{options} go with a motion: name its folder")
         paths = export_subject(load_subject(source), out)
     else:
         refuse_recording(source)
-        if subject is None:
-            raise click.UsageError("a motion is exported with the subject it belongs to: give --subject")
-        motion, whose, asked = load_motion(source), load_subject(subject), Asked(AXES.get(up or ""), gaps)
+        motion = load_motion(source)
+        whose, asked = load_subject(subject_of(motion, source, subject)), Asked(AXES.get(up or ""), gaps)
         try:
             refuse_formats(names, motion, out, asked)
             paths = export_motion(motion, whose, out, frame=frame, parquet=parquet)

@@ -64,14 +64,15 @@ def write_gltf(motion: Motion, subject: Subject, path: Path, *, up: Floats = AXE
     skin, glb = linear_skin(subject.body, thetas), Glb()
     nodes = _joint_nodes(skin)
     meshes = [_skin_mesh(glb, skin), *_bone_meshes(glb, skin)]
-    bone_nodes = _attach_bones(skin, nodes)
+    bone_nodes, unattached = _attach_bones(skin, nodes)
     nodes.append({"name": "skin", "mesh": 0, "skin": 0})
+    roots = [k for k, parent in enumerate(skin.parents) if parent is None]
     times = motion.times[motion.tracked] - motion.times[0]
     channels = _joint_channels(glb, skin, times, thetas, y_up(up)) + _bone_channels(glb, motion, bone_nodes)
     document = {
         "extras": {"anatomy": motion.anatomy, "lost_frames": np.flatnonzero(~motion.tracked).tolist()},
         "scene": 0,
-        "scenes": [{"nodes": [k for k, parent in enumerate(skin.parents) if parent is None] + [len(nodes) - 1]}],
+        "scenes": [{"nodes": [*roots, *unattached, len(nodes) - 1]}],
         "nodes": nodes,
         "meshes": meshes,
         "materials": _MATERIALS,
@@ -111,34 +112,54 @@ def _joint_nodes(skin: LinearSkin) -> list[dict[str, Any]]:
     return nodes
 
 
-def _attach_bones(skin: LinearSkin, nodes: list[dict[str, Any]]) -> dict[str, int]:
-    """Add a node with the bone's surface to every bone's joint; returns them by the bone's name."""
-    added = {}
+def _attach_bones(skin: LinearSkin, nodes: list[dict[str, Any]]) -> tuple[dict[str, list[int]], list[int]]:
+    """Add a node with the bone's surface to every bone's joint; returns the nodes that scale it, by the bone's name.
+
+    And the nodes of bones along a curve, which hang on joints as the skin does, and are scaled by these.
+    """
+    scaled, unattached, along = {}, [], {bone.name: bone for bone in skin.along}
     for k, bone in enumerate(skin.body.anatomy.bones):
-        added[bone.name] = len(nodes)
-        nodes[k].setdefault("children", []).append(len(nodes))
-        nodes.append({"name": f"{bone.name}_surface", "mesh": 1 + k})
-    return added
+        node: dict[str, Any] = {"name": f"{bone.name}_surface", "mesh": 1 + k}
+        if bone.name in along:
+            first = skin.first_helper(along[bone.name])
+            scaled[bone.name] = list(range(first, first + len(along[bone.name].helpers)))
+            unattached.append(len(nodes))
+            node["skin"] = 0
+        else:
+            scaled[bone.name] = [len(nodes)]
+            nodes[k].setdefault("children", []).append(len(nodes))
+        nodes.append(node)
+    return scaled, unattached
 
 
 def _skin_mesh(glb: Glb, skin: LinearSkin) -> dict[str, Any]:
     mesh = _mesh(glb, "skin", skin.body.v_tilde.value, skin.body.anatomy.skin_faces, _SKIN)
-    weights = skin.weights.astype(np.float32)
-    weights[:, 0] = 1.0 - weights[:, 1:].sum(axis=1)  # in single precision, too, they sum up to 1
+    return _hung(glb, mesh, skin, skin.joints, skin.weights)
+
+
+def _hung(glb: Glb, mesh: dict[str, Any], skin: LinearSkin, joints: Ints, weights: Floats) -> dict[str, Any]:
+    """A mesh whose vertices hang on ``joints`` (N, 4) by ``weights`` (N, 4)."""
+    single = weights.astype(np.float32)
+    single[:, 0] = 1.0 - single[:, 1:].sum(axis=1)  # in single precision, too, they sum up to 1
     index: Literal["<u1", "<u2"] = "<u1" if len(skin.names) <= 256 else "<u2"  # a byte holds no more
     mesh["primitives"][0]["attributes"] |= {
-        "JOINTS_0": glb.add(np.where(weights > 0.0, skin.joints, 0), index, use="vertices"),
-        "WEIGHTS_0": glb.add(weights, use="vertices"),
+        "JOINTS_0": glb.add(np.where(single > 0.0, joints, 0), index, use="vertices"),
+        "WEIGHTS_0": glb.add(single, use="vertices"),
     }
     return mesh
 
 
 def _bone_meshes(glb: Glb, skin: LinearSkin) -> list[dict[str, Any]]:
-    """Every bone's surface in its joint's frame."""
-    return [
-        _mesh(glb, bone.name, apply(inverse(frame), skin.body.rest_bones[bone.name]), bone.faces, _BONE)
-        for bone, frame in zip(skin.body.anatomy.bones, skin.rest, strict=False)
-    ]
+    """Every bone's surface in its joint's frame; of a bone along a curve at rest, hung on its joints."""
+    along, meshes = {bone.name: bone for bone in skin.along}, []
+    for bone, frame in zip(skin.body.anatomy.bones, skin.rest, strict=False):
+        rest = skin.body.rest_bones[bone.name]
+        if bone.name in along:
+            hung = along[bone.name].hung(skin.first_helper(along[bone.name]))
+            meshes.append(_hung(glb, _mesh(glb, bone.name, rest, bone.faces, _BONE), skin, *hung))
+        else:
+            meshes.append(_mesh(glb, bone.name, apply(inverse(frame), rest), bone.faces, _BONE))
+    return meshes
 
 
 def _mesh(glb: Glb, name: str, vertices: Floats, faces: Ints, material: int) -> dict[str, Any]:
@@ -167,7 +188,9 @@ def _joint_channels(
     return channels
 
 
-def _bone_channels(glb: Glb, motion: Motion, nodes: dict[str, int]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+def _bone_channels(
+    glb: Glb, motion: Motion, nodes: dict[str, list[int]]
+) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """Keys that shrink the surfaces of bones to nothing from a frame in which they do not show to one where they do."""
     shown = motion.shown & motion.tracked[:, None]
     if shown.all():
@@ -178,5 +201,5 @@ def _bone_channels(glb: Glb, motion: Motion, nodes: dict[str, int]) -> list[tupl
         if not shows.all():
             scale = glb.add(np.repeat(shows[:, None], 3, axis=1))
             sampler = {"input": times, "interpolation": "STEP", "output": scale}
-            channels.append((sampler, {"node": nodes[name], "path": "scale"}))
+            channels += [(sampler, {"node": node, "path": "scale"}) for node in nodes[name]]
     return channels

@@ -19,10 +19,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adapt.anatomy import Deformer, Floats, Ints
+from adapt.model.along import still_motion
 from adapt.model.body import Body, bone_frames, bone_transforms, pose_skin, rest_theta
 from adapt.model.deformers import DEFORMER_TYPES, Bound, DeformerType, bone_shares
-from adapt.model.deformers.between import blended_frames
 from adapt.model.derivatives import Motion, compose
+from track.export.linear_bones import BoneAlong, bones_along
 
 STEPS = 8
 """Pieces that a deformer's turn is cut into: of a turn by 160 degrees, each blends linearly over 20."""
@@ -56,6 +57,8 @@ class _Span:
     """
 
     bones: tuple[str, str]
+    kind: DeformerType
+    bound: Bound
     ends: tuple[Motion, Motion]
     t: Floats
     swelling: _Swelling | None
@@ -64,7 +67,7 @@ class _Span:
         """The helper joints' frames (N, 4, 4), twins last, where the bones have moved by ``transforms`` (4, 4)."""
         first, second = motions = _motions(self.bones, transforms)
         moved = (compose(first, self.ends[0]), compose(second, self.ends[1]))
-        between = blended_frames(*moved, self.t, np.zeros((len(self.t), 0)))
+        between = self.kind.between(self.bound, *moved, self.t)
         frames = np.tile(np.eye(4), (len(self.t), 1, 1))
         frames[:, :3, :3], frames[:, :3, 3] = between.rotation, between.origin
         if self.swelling is None:
@@ -75,7 +78,7 @@ class _Span:
 
 @dataclass(frozen=True, eq=False)
 class LinearSkin:
-    """A body's skin hung on J joints: its bones, then the helpers.
+    """A body's skin hung on J joints: its bones, then the helpers, last those of bones along a curve.
 
     ``parents`` are indices of joints, None for the root; ``rest`` (J, 4, 4) are the joints' frames at rest in the
     recording's axes; vertex i hangs on ``joints[i]`` (V, 4) by ``weights[i]`` (V, 4), which sum up to 1.
@@ -88,12 +91,18 @@ class LinearSkin:
     joints: Ints = field(repr=False)
     weights: Floats = field(repr=False)
     spans: tuple[_Span, ...] = field(repr=False)
+    along: tuple[BoneAlong, ...] = field(default=(), repr=False)
 
     def frames(self, theta: Floats) -> Floats:
         """The joints' frames (J, 4, 4) in a pose (n,): rigid, but for the twins' scales."""
         transforms = bone_transforms(self.body, theta)
         moved = np.array([transforms[bone.name] for bone in self.body.anatomy.bones])
-        return np.concatenate([moved @ self.rest[: len(moved)], *(span.frames(transforms) for span in self.spans)])
+        helpers = [span.frames(transforms) for span in self.spans] + [bone.frames(transforms) for bone in self.along]
+        return np.concatenate([moved @ self.rest[: len(moved)], *helpers])
+
+    def first_helper(self, bone: BoneAlong) -> int:
+        """Which joint is the first of a bone along a curve."""
+        return self.names.index(bone.helpers[0])
 
     def posed(self, frames: Floats) -> Floats:
         """The skin (V, 3) as linear blending poses it where the joints stand at ``frames`` (J, 4, 4)."""
@@ -125,13 +134,13 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
     ):
         kind = DEFORMER_TYPES[deformer.type]
         rides = bone_shares(deformer, bound)
-        ends = kind.turning_frames(body.anatomy, deformer.frames, body.p, bound)
+        ends = kind.turning_frames(body.anatomy, deformer, body.p, bound)
         if ends is None:
             for name, part in rides.items():
                 weights[:, bones.index(name)] += share * part
             continue
         t = rides[deformer.bones[1]]
-        fixed = (_still(ends[0].matrix()), _still(ends[1].matrix()))
+        fixed = (still_motion(ends[0].matrix()), still_motion(ends[1].matrix()))
         span, twin = _span(body, deformer, bound, fixed, share, thetas, steps)
         helpers = [f"{deformer.name}_{k}_of_{steps}" for k in range(1, steps)]
         if span.swelling is not None:
@@ -144,11 +153,14 @@ def linear_skin(body: Body, thetas: Floats, *, steps: int = STEPS) -> LinearSkin
         weights = np.pad(weights, ((0, 0), (0, len(helpers))))
         _hang(weights, columns, twins, t, share, twin)
         spans.append(span)
-    at_rest = bone_frames(body, rest_theta(body))
-    still = {name: np.eye(4) for name in bones}
-    rest = np.concatenate([np.array([at_rest[name] for name in bones]), *(span.frames(still) for span in spans)])
+    along = bones_along(body, STEPS)
+    for bone in along:
+        names, hangs_on = [*names, *bone.helpers], hangs_on + [bone.base] * len(bone.helpers)
+    at_rest, still = bone_frames(body, rest_theta(body)), {name: np.eye(4) for name in bones}
+    placed = [span.frames(still) for span in spans] + [bone.frames(still) for bone in along]
+    rest = np.concatenate([np.array([at_rest[name] for name in bones]), *placed])
     index = tuple(None if name is None else bones.index(name) for name in hangs_on)
-    return LinearSkin(body, tuple(names), index, rest, *_strongest(weights), tuple(spans))
+    return LinearSkin(body, tuple(names), index, rest, *_strongest(weights), tuple(spans), along)
 
 
 def skin_gap(skin: LinearSkin, thetas: Iterable[Floats]) -> SkinGap:
@@ -178,7 +190,7 @@ def _span(
         rows = np.flatnonzero((share > 0.0) & (share < 1.0) & (weight > 0.0))
         swell = _swelling(body, (first, second), kind, bound.at(rows), thetas)
         twin[rows] = swell.share
-    return _Span((first, second), ends, np.arange(1, steps) / steps, swell), twin
+    return _Span((first, second), kind, bound, ends, np.arange(1, steps) / steps, swell), twin
 
 
 def _swelling(body: Body, bones: tuple[str, str], kind: DeformerType, bound: Bound, thetas: Floats) -> _Swelling:
@@ -195,12 +207,7 @@ def _swelling(body: Body, bones: tuple[str, str], kind: DeformerType, bound: Bou
 
 
 def _motions(bones: tuple[str, str], transforms: dict[str, Floats]) -> tuple[Motion, Motion]:
-    return _still(transforms[bones[0]]), _still(transforms[bones[1]])
-
-
-def _still(matrix: Floats) -> Motion:
-    """A rigid transform (4, 4) that varies with nothing."""
-    return Motion(matrix[:3, :3], matrix[:3, 3], np.zeros((3, 0)), np.zeros((3, 0)))
+    return still_motion(transforms[bones[0]]), still_motion(transforms[bones[1]])
 
 
 def _hang(weights: Floats, columns: list[int], twins: list[int], t: Floats, share: Floats, twin: Floats) -> None:

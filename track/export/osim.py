@@ -75,7 +75,8 @@ def osim_files(body: Body, folder: Path) -> dict[Path, Mark]:
 def landmark_markers(body: Body) -> dict[str, Marker]:
     """The anatomical landmarks, each on the bone whose surface is nearest.
 
-    Without those that only define axes, splines and bends: they are constructed, not anatomical.
+    Without those that only define axes, splines and bends: they are constructed, not anatomical. And without those on
+    vertebrae and ribs that ride between two bones: they keep their place on neither.
     """
     anatomy, points = body.anatomy, body.p.value
     trees = {name: cKDTree(surface) for name, surface in body.rest_bones.items()}
@@ -83,7 +84,9 @@ def landmark_markers(body: Body) -> dict[str, Marker]:
     for name in sorted(set(anatomy.landmark_names) - _constructed(anatomy), key=anatomy.landmark_index):
         point = points[anatomy.landmark_index(name)]
         bone = min(trees, key=lambda b: float(trees[b].query(point)[0]))
-        markers[name] = Marker(bone, point)
+        along = anatomy.bone(bone).along
+        if along is None or along[trees[bone].query(point)[1]] == 1.0:
+            markers[name] = Marker(bone, point)
     return markers
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from capture.console import stdout
+from capture.progress import progress
 
 if TYPE_CHECKING:
     from capture.simulation.mesh_axes import MeshAxes
@@ -47,21 +48,29 @@ def simulate_command(
         raise click.UsageError("give either --mesh, or --anatomy with --motion")
     axes = _mesh_axes(up, forward, mesh)
     model = carmine() if noise == "carmine" else NoiseModel()
-    with stdout.status("simulating") as status:
-
-        def progress(done: int) -> None:
-            status.update(f"simulating: {done} frames done")
-
+    with progress("simulating") as work:
         if mesh is not None:
             recording = simulate_mesh_file(
-                mesh, out, axes=axes, noise=model, seed=seed, overwrite=overwrite, progress=progress
+                mesh,
+                out,
+                axes=axes,
+                noise=model,
+                seed=seed,
+                overwrite=overwrite,
+                progress=lambda done: work.at(done, note=f"{done} frames"),
             )
         else:
             from track.simulation.simulate import simulate_performance
 
             performance = _performance(str(anatomy), motion or Path(), subject)
+            total = len(performance.times)
             recording = simulate_performance(
-                performance, out, noise=model, seed=seed, overwrite=overwrite, progress=progress
+                performance,
+                out,
+                noise=model,
+                seed=seed,
+                overwrite=overwrite,
+                progress=lambda done: work.at(done, total, f"{done} of {total} frames"),
             )
     frames = len(recording.sensors[0].frames)
     stdout.print(f"{frames} frames by {len(recording.sensors)} sensors written to {out}")

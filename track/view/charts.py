@@ -13,6 +13,8 @@ from capture.own import PNG, replaced_if_own
 from track.motion import Motion
 from track.observed_bones import known_thetas
 
+_LOST = "; red: frames that were lost"
+
 
 def plot_angles(
     motion: Motion, anatomy: Anatomy, path: Path, *, true_times: Floats | None = None, true_thetas: Floats | None = None
@@ -39,6 +41,9 @@ def plot_angles(
         told = plain_words(anatomy.coordinates[i].name).label.replace(" (", "\n(")
         axes.set_ylabel(f"{told}\n(deg)", fontsize="small")
     axes.set_xlabel("time (s)")
+    figure.suptitle(
+        f"{anatomy.name}: joint angles over time" + (_LOST if not motion.tracked.all() else ""), fontsize=11
+    )
     figure.axes[0].legend(loc="upper right", fontsize="small")
     with replaced_if_own(path, PNG) as partial:
         figure.savefig(partial, dpi=110, metadata={"Software": "bonetrack"})

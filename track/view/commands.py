@@ -7,17 +7,25 @@ from pathlib import Path
 import click
 
 from capture.commands.region_options import as_region, near_option, region_near, region_option
-from capture.console import stdout
+from capture.commands.written_file import WrittenFile
+from capture.console import stdout, tell
+from capture.progress import progress
 
 _PATH = click.Path(path_type=Path)
 
 
 @click.command("view")
 @click.argument("source", type=_PATH)
-@click.option("--subject", type=_PATH, help="Who moves; a motion needs it.")
-@click.option("--recording", type=_PATH, help="The recording of a motion or a subject: adds points, and known truth.")
+@click.option("--subject", type=_PATH, help="Who moves [default: whom the motion knows].")
+@click.option(
+    "--recording",
+    type=_PATH,
+    help="The recording of a motion or a subject: adds points, and known truth [default: the one the motion knows].",
+)
 @click.option("--markers", type=_PATH, help="A laboratory's markers, as `bonetrack import-markers` wrote them.")
-@click.option("--html", type=_PATH, help="Write the scene as one HTML file that needs no network, and end.")
+@click.option(
+    "--html", type=WrittenFile(".html", "HTML"), help="Write the scene as one HTML file that needs no network, and end."
+)
 @click.option(
     "--poses",
     type=_PATH,
@@ -44,7 +52,10 @@ def view_command(
     """Look at SOURCE, a recording, a subject or a motion, in the browser: skin, bones, points, angles over time."""
     from track.belonging import adapted_elsewhere
     from track.view.scene import open_scene, with_markers
+    from track.whereabouts import is_motion, made_from
 
+    if is_motion(source):
+        subject, recording = made_from(source, subject=subject, recording=recording, told=tell)
     scene = open_scene(source, subject=subject, recording=recording)
     scene = scene if markers is None else with_markers(scene, markers)
     person, seen = scene.subject, scene.recording
@@ -56,7 +67,7 @@ def view_command(
     if html is not None:
         from track.view.embedded import write_embedded
 
-        with stdout.status("collecting frames"):
+        with progress("collecting frames"):
             frames = write_embedded(scene, html, region=chosen)
         size = html.stat().st_size / 1e6
         stdout.print(f"{frames} of {len(scene.times)} frames written to {html} ({size:.1f} MB)", highlight=False)
@@ -80,16 +91,20 @@ def view_command(
 
 @click.command("report")
 @click.argument("motion", type=_PATH)
-@click.option("--subject", required=True, type=_PATH, help="The subject that was tracked.")
-@click.option("--recording", type=_PATH, help="The recording that was tracked: adds what is known of it, and truth.")
-@click.option("--out", required=True, type=_PATH, help="The HTML file to write.")
+@click.option("--subject", type=_PATH, help="The subject that was tracked [default: the one the motion knows].")
+@click.option(
+    "--recording",
+    type=_PATH,
+    help="The recording that was tracked: adds what is known of it, and truth [default: the one the motion knows].",
+)
+@click.option("--out", required=True, type=WrittenFile(".html", "HTML"), help="The HTML file to write.")
 @click.option("--title", help="What the page is called.")
 @click.option("--person", help="Whose motion it is, by a name or a number of yours.")
 @click.option("--session", help="When or which: `before`, `week 6`.")
 @click.option("--note", help="What else is to be said, on the first page.")
 def report_command(
     motion: Path,
-    subject: Path,
+    subject: Path | None,
     recording: Path | None,
     out: Path,
     title: str | None,
@@ -107,10 +122,12 @@ def report_command(
     from track.about import note_about
     from track.motion import load_motion
     from track.view.report import write_report
+    from track.whereabouts import made_from
 
+    subject, recording = made_from(motion, subject=subject, recording=recording, told=tell)
     opened = None if recording is None else open_recording(recording)
     loaded = load_motion(motion)
     about = note_about(motion, title=title, person=person, session=session, note=note)
-    with stdout.status("writing the report"):
+    with progress("writing the report"):
         write_report(loaded, load_subject(subject), opened, out, title=motion.resolve().name, about=about)
     stdout.print(f"report written to {out} ({out.stat().st_size / 1e6:.1f} MB)", highlight=False)

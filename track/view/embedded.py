@@ -5,6 +5,7 @@ To stay small the skin is thinned, what moves little is rounded, and of a long m
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from adapt.anatomy import Floats, Ints
 from adapt.model.body import rest_theta
 from capture.cloud.fuse import Region
 from capture.own import HTML, HTML_META, refuse_foreign, replaced_if_own
-from track.view.frames import FrameContent, FrameStore, Posed, SeenPoints, Single, pose_body
+from track.view.frames import FrameContent, FrameStore, SeenPoints, Single, pose_body
 from track.view.layers import FAR_M, LARGEST_ERROR_M, Layers, Skin, first_eye, set_eye
 from track.view.scene import Scene
 from track.view.viewer import start_server, stop_server
@@ -65,7 +66,7 @@ def _coarse(content: FrameContent) -> FrameContent:
         seen = SeenPoints(_rounded(seen.points), seen.distances, seen.problem)
     posed = content.posed
     if posed is not None:
-        posed = Posed(_rounded(posed.skin), posed.bones, posed.centres)
+        posed = replace(posed, skin=_rounded(posed.skin))
     return FrameContent(posed, content.truth, seen)
 
 

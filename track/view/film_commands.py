@@ -6,15 +6,18 @@ from pathlib import Path
 
 import click
 
-from capture.console import stdout
+from capture.console import stdout, tell
+from capture.progress import progress
 
 _PATH = click.Path(path_type=Path)
 
 
 @click.command("movie")
 @click.argument("source", type=_PATH)
-@click.option("--subject", type=_PATH, help="Who moves; a motion needs it.")
-@click.option("--recording", type=_PATH, help="The recording of the motion: adds points; an overlay needs it.")
+@click.option("--subject", type=_PATH, help="Who moves [default: whom the motion knows].")
+@click.option(
+    "--recording", type=_PATH, help="The recording: adds points; an overlay needs it [default: as for --subject]."
+)
 @click.option("--overlay", is_flag=True, help="Skin and bones over a sensor's colour or depth, not the scene in space.")
 @click.option("--sensor", help="Whose images the overlay shows [default: the first sensor's].")
 @click.option("--frame", type=click.IntRange(0), help="Write a picture of this frame alone; --out then ends in .png.")
@@ -36,6 +39,7 @@ def movie_command(
     from track.view.film_frames import OverlayFilm, SceneFilm
     from track.view.render import save_png
     from track.view.scene import open_scene
+    from track.whereabouts import is_motion, made_from
 
     ending = ".mp4" if frame is None else ".png"
     if out.suffix.lower() != ending:
@@ -43,11 +47,13 @@ def movie_command(
     if frame is None:
         refuse_without_av()
     refuse_foreign(out, MP4 if frame is None else PNG)
+    if is_motion(source):
+        subject, recording = made_from(source, subject=subject, recording=recording, told=tell)
     scene = open_scene(source, subject=subject, recording=recording)
     if frame is not None and frame >= len(scene.times):
         raise FilmError(f"no frame {frame}", where=source, remedy=f"frames run from 0 to {len(scene.times) - 1}")
     film = OverlayFilm(scene, sensor, width=width) if overlay else SceneFilm(scene, width=width, height=3 * width // 4)
-    with stdout.status("drawing"):
+    with progress("drawing"):
         if frame is not None:
             save_png(film.picture(frame), out)
         else:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapt.anatomy import Floats
-from adapt.model.body import Body, bone_transforms, joint_centres, pose_skin
+from adapt.model.body import Body, bone_transforms, joint_centres, pose_skin, posed_bones
 from capture.cloud.fuse import Region, fuse
 from capture.errors import BonetrackError
 from track.accuracy.mesh_distance import distance_to_mesh
@@ -26,11 +26,15 @@ _PATIENCE_S = 5.0  # for a thread to end
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """A body in a pose: skin (V, 3) m, T_b (4, 4) of the bones that can be placed, joint centres (3,)."""
+    """A body in a pose: skin (V, 3) m, T_b (4, 4) of the bones that can be placed, joint centres (3,).
+
+    ``along`` are surfaces (N, 3) m of bones along a curve, which no transform places.
+    """
 
     skin: Single = field(repr=False)
     bones: dict[str, Floats]
     centres: dict[str, Floats]
+    along: dict[str, Single] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,14 @@ def pose_body(body: Body, theta: Floats) -> Posed | None:
     if not np.isfinite(theta).all():
         return None
     skin = pose_skin(body, theta).astype(np.float32)
-    return Posed(skin, bone_transforms(body, theta), joint_centres(body, theta))
+    return Posed(skin, bone_transforms(body, theta), joint_centres(body, theta), _along(body, theta))
+
+
+def _along(body: Body, theta: Floats) -> dict[str, Single]:
+    """The surfaces (N, 3) m of bones along a curve in a pose (n,)."""
+    names = [bone.name for bone in body.anatomy.bones if bone.along is not None]
+    posed = posed_bones(body, theta) if names else {}
+    return {name: posed[name].astype(np.float32) for name in names}
 
 
 def truth_of(scene: Scene, k: int) -> Posed | None:
@@ -75,7 +86,11 @@ def truth_of(scene: Scene, k: int) -> Posed | None:
     centres = {
         name: common[:3, :3] @ centre + common[:3, 3] for name, centre in joint_centres(scene.truth.body, theta).items()
     }
-    return Posed(skin.astype(np.float32), bones, centres)
+    along = {
+        name: (surface @ common[:3, :3].T + common[:3, 3]).astype(np.float32)
+        for name, surface in _along(scene.truth.body, theta).items()
+    }
+    return Posed(skin.astype(np.float32), bones, centres, along)
 
 
 def seen_points(scene: Scene, k: int, posed: Posed | None, *, region: Region | None = None) -> SeenPoints | None:

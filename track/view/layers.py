@@ -1,6 +1,6 @@
 """The layers of a scene in a viser server: skin, bones, points, truth, joint labels; one frame shown at a time.
 
-Bones are sent once and moved as rigid bodies; skin and points are sent for every frame.
+Bones are sent once and moved as rigid bodies; skin, points and bones along a curve are sent for every frame.
 """
 
 from __future__ import annotations
@@ -130,14 +130,14 @@ class Layers:
         if posed is not None:
             self._skin.vertices = posed.skin[self._skin_part.vertices]
         for name, handle in self._bones.items():
-            _place(handle, None if posed is None else posed.bones[name])
+            _place(handle, posed, name)
             colour = BONE if self.scene.shows(name, k) else _UNKNOWN
             if handle.color != colour:
                 handle.color = colour
 
     def _show_truth(self, truth: Posed | None) -> None:
         for name, handle in self._truth.items():
-            _place(handle, None if truth is None else truth.bones[name])
+            _place(handle, truth, name)
 
     def _show_points(self, seen: SeenPoints | None) -> None:
         if seen is None or not len(seen.points):
@@ -230,12 +230,18 @@ def _scale() -> NDArray[np.uint8]:
     return scale
 
 
-def _place(handle: Any, transform: Floats | None) -> None:
+def _place(handle: Any, posed: Posed | None, bone: str) -> None:
+    """Put a bone's mesh where a body has it; of a bone along a curve all vertices anew."""
+    transform = None if posed is None else posed.bones[bone]
     known = transform is not None and bool(np.isfinite(transform).all())
     handle.visible = known
-    if transform is not None and known:
-        handle.wxyz = Rotation.from_matrix(transform[:3, :3]).as_quat(scalar_first=True)
-        handle.position = transform[:3, 3]
+    if posed is None or transform is None or not known:
+        return
+    if bone in posed.along:
+        handle.vertices = posed.along[bone]
+        return
+    handle.wxyz = Rotation.from_matrix(transform[:3, :3]).as_quat(scalar_first=True)
+    handle.position = transform[:3, 3]
 
 
 @dataclass(frozen=True, eq=False)

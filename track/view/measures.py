@@ -53,7 +53,7 @@ def lengths(subject: Subject) -> list[Length]:
     >>> subject = Subject(arm, np.zeros((0, 10)), np.zeros(0), 1e-4 * np.eye(16), {})
     >>> first = lengths(subject)[0]
     >>> first.bone, round(first.length_m, 3), first.length_m == first.template_m
-    ('humerus', 0.279, True)
+    ('humerus', 0.277, True)
     >>> first.ends
     'middle of medial epicondyle of the humerus and lateral epicondyle of the humerus to centre of the humeral head'
     """

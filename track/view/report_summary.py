@@ -24,7 +24,7 @@ _MOST_REASONS = 4
 def summary_section(scene: Scene, about: About) -> str:
     """The page: what is noted of the person and the session, then the results in words and one table."""
     motion = motion_of(scene)
-    parts = [table("Who and what", ["", ""], _who(scene, about))]
+    parts = [bullets(_who(scene, about))]
     if about.note:
         parts.append(f"<blockquote>{escape(about.note)}</blockquote>")
     parts += [paragraph(" ".join(_how_good(scene, motion))), _movement(scene, motion), _sources(scene)]
@@ -32,14 +32,15 @@ def summary_section(scene: Scene, about: About) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def _who(scene: Scene, about: About) -> list[list[str]]:
+def _who(scene: Scene, about: About) -> list[str]:
+    """Who was recorded and what of them, as far as it is known."""
     anatomy = subject_of(scene).anatomy
     kind = next((word for name, word in _LIMBS.items() if anatomy.name.startswith(name)), None)
     limb = anatomy.name if kind is None else f"{anatomy.side} {kind}"
     seconds = float(scene.times[-1] - scene.times[0])
-    rows = [["Person", about.person], ["Session", about.session], ["Limb", limb]]
-    rows.append(["Recorded", f"{seconds:.1f} s, {len(scene.times)} frames, by depth sensors, without markers"])
-    return [row for row in rows if row[1]]
+    recorded = f"{seconds:.1f} s, {len(scene.times)} frames, by depth sensors, without markers"
+    known = {"Person": about.person, "Session": about.session, "Limb": limb, "Recorded": recorded}
+    return [f"{what}: {words}" for what, words in known.items() if words]
 
 
 def _how_good(scene: Scene, motion: Motion) -> list[str]:
@@ -73,7 +74,7 @@ def _movement(scene: Scene, motion: Motion) -> str:
         cells = ["not seen", "", ""]
         if np.isfinite(values).any():
             low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
-            ends = [f"{factor * values[k]:.0f} ± {2.0 * factor * motion.deviations[k, i]:.0f}" for k in (low, high)]
+            ends = [f"{factor * values[k]:z.0f} ± {2.0 * factor * motion.deviations[k, i]:.0f}" for k in (low, high)]
             cells = [*ends, f"{factor * (values[high] - values[low]):.0f}"]
         rows.append([name, *cells, "" if norm is None else norm.reach, words.zero])
     head = ["movement", "from (± 2 SD)", "to (± 2 SD)", "range", "healthy adults reach", "zero is"]

@@ -26,21 +26,19 @@ def _put(g: Between, skin: BoundSkin, by: Varying) -> None:
     """R(t)^T (x - o(t)), and how it varies."""
     m = by.axis.shape[2]
     rotation, reach, moved, turned = np.zeros((3, 3)), np.zeros(3), np.zeros(3 * m), np.zeros(3 * m)
-    for e in range(len(skin.kind)):
-        if skin.kind[e] != TURNING:
-            continue
-        spin, glide = g.d_rotation[e], g.d_origin[e]
-        for i in range(len(skin.weights)):
-            t = skin.t[e, i]
-            if skin.weights[i, e] == 0.0:
+    for i in range(len(skin.first) - 1):
+        for s in range(skin.first[i], skin.first[i + 1]):
+            e, t = skin.deformer[s], skin.t[s]
+            if skin.kind[e] != TURNING:
                 continue
+            spin, glide = g.d_rotation[e], g.d_origin[e]
             sine, versine = math.sin(g.angle[e] * t), 1.0 - math.cos(g.angle[e] * t)
             for j in range(3):
-                reach[j] = skin.local[e, i, j] - g.origin[e, 0, j] - t * g.origin[e, 1, j]
+                reach[j] = skin.local[s, j] - g.origin[e, 0, j] - t * g.origin[e, 1, j]
                 for k in range(3):
                     rotation[j, k] = g.rotation[e, 0, j, k] + sine * g.rotation[e, 1, j, k]
                     rotation[j, k] += versine * g.rotation[e, 2, j, k]
-            _turn_back(rotation, reach, skin.local[e, i])
+            _turn_back(rotation, reach, skin.local[s])
             if m > 0:
                 swing, lag = versine / g.angle[e], t - sine / g.angle[e]
                 for k in range(3 * m):
@@ -48,7 +46,7 @@ def _put(g: Between, skin: BoundSkin, by: Varying) -> None:
                     turned[k] += t * spin[3, k] + swing * spin[4, k] + lag * spin[5, k]
                 for k in range(3 * m):
                     moved[k] = -glide[0, k] - t * glide[1, k]
-                _vary(g, by, e, i, sine, versine, rotation, reach, moved, turned)
+                _vary(g, by, e, i, s, sine, versine, rotation, reach, moved, turned)
 
 
 @inlined
@@ -64,6 +62,7 @@ def _vary(
     by: Varying,
     e: int,
     i: int,
+    s: int,
     sine: float,
     versine: float,
     rotation: Floats,
@@ -72,7 +71,7 @@ def _vary(
     turned: Floats,
 ) -> None:
     """R^T (dx - do + reach x dR), and what comes with the share: ((dR/dt)^T reach - R^T do/dt) dt."""
-    m, angle, out = by.axis.shape[2], g.angle[e], by.local[e, i]
+    m, angle, out = by.axis.shape[2], g.angle[e], by.local[s]
     for j in range(3):
         p, q = (j + 1) % 3, (j + 2) % 3
         for k in range(m):
@@ -83,4 +82,4 @@ def _vary(
             slope = angle * ((1.0 - versine) * g.rotation[e, 1, k, j] + sine * g.rotation[e, 2, k, j])
             by_t += slope * reach[k] - rotation[k, j] * g.origin[e, 1, k]
         for k in range(m):
-            out[j, k] = a * moved[k] + b * moved[m + k] + c * moved[2 * m + k] + by_t * by.t[e, i, k]
+            out[j, k] = a * moved[k] + b * moved[m + k] + c * moved[2 * m + k] + by_t * by.t[s, k]

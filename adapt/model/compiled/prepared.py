@@ -12,11 +12,10 @@ from adapt.model.compiled.at_rest import put_into_frames
 from adapt.model.compiled.layout import BoundSkin, Varying
 from adapt.model.compiled.links import Chain
 from adapt.model.compiled.rows import Row
+from adapt.model.compiled.runs import varying_runs
 from adapt.model.deformers import DEFORMER_TYPES
 from adapt.model.derivatives import Points
 from adapt.model.joints import JOINT_TYPES
-
-_WORTH_PICKING = 0.7  # of the vertices: to bind so many of them alone costs as much as to bind all
 
 
 def prepare_chain(anatomy: Anatomy, p: Points) -> Chain:
@@ -57,14 +56,18 @@ def prepare_skin(anatomy: Anatomy, p: Points, rest: Points, weights: Floats) -> 
 
     Where nothing varies, landmarks and vertices have no columns.
     """
-    skin, by = _room_for(anatomy, rest, weights)
+    skin, by = _room_for(anatomy, p, rest, weights)
+    vertex = np.repeat(np.arange(len(weights)), np.diff(skin.first))
     for d, deformer in enumerate(anatomy.deformers):
-        touched = np.flatnonzero(weights[:, d])
-        rows = touched if len(touched) < _WORTH_PICKING * len(weights) else slice(None)
-        laid = DEFORMER_TYPES[deformer.type].layout(anatomy, deformer.frames, p, rest.at(rows))
+        entries = np.flatnonzero(skin.deformer == d)
+        rows = vertex[entries] if len(entries) < len(weights) else slice(None)
+        laid = DEFORMER_TYPES[deformer.type].layout(anatomy, deformer, p, rest.at(rows))
         skin.kind[d], skin.axis[d], by.axis[d] = laid.kind, laid.axis, laid.d_axis
-        skin.t[d, rows], skin.width[d, rows] = laid.t, laid.width
-        by.t[d, rows], by.width[d, rows] = laid.d_t, laid.d_width
+        skin.t[entries], skin.width[entries] = laid.t, laid.width
+        by.t[entries], by.width[entries] = laid.d_t, laid.d_width
+        skin.length[d], by.length[d] = laid.length, laid.d_length
+        if laid.local is not None:
+            skin.local[entries], by.local[entries] = laid.local, laid.d_local
         for end, frame in enumerate(laid.ends):
             skin.frame_rotation[d, end], skin.frame_translation[d, end] = frame.rotation, frame.translation
             by.frame_rotation[d, end], by.frame_translation[d, end] = frame.d_rotation, frame.d_translation
@@ -72,29 +75,38 @@ def prepare_skin(anatomy: Anatomy, p: Points, rest: Points, weights: Floats) -> 
     return skin, by
 
 
-def _room_for(anatomy: Anatomy, rest: Points, weights: Floats) -> tuple[BoundSkin, Varying]:
+def _room_for(anatomy: Anatomy, p: Points, rest: Points, weights: Floats) -> tuple[BoundSkin, Varying]:
     """Room for vertices, all of them rigid so far."""
     order = [bone.name for bone in anatomy.bones]
-    (vertices, count), m = weights.shape, rest.n
+    vertex, deformer = np.nonzero(weights)
+    count, entries, m = weights.shape[1], len(vertex), rest.n
+    bones = np.array([[order.index(d.bones[0]), order.index(d.bones[-1])] for d in anatomy.deformers])
+    runs, flat = varying_runs(anatomy, p, bones)
     skin = BoundSkin(
         kind=np.zeros(count, dtype=np.int64),
-        bones=np.array([[order.index(d.bones[0]), order.index(d.bones[-1])] for d in anatomy.deformers]),
-        weights=np.ascontiguousarray(weights),
-        local=np.tile(rest.value, (count, 1, 1)),
-        t=np.zeros((count, vertices)),
-        width=np.ones((count, vertices)),
+        bones=bones,
         frame_rotation=np.tile(np.eye(3), (count, 2, 1, 1)),
         frame_translation=np.zeros((count, 2, 3)),
         axis=np.zeros((count, 3)),
+        length=np.zeros(count),
+        runs=runs,
+        flat=flat,
+        first=np.r_[0, np.cumsum(np.bincount(vertex, minlength=len(weights)))],
+        deformer=deformer.astype(np.int64),
+        weight=weights[vertex, deformer],
+        local=rest.value[vertex],
+        t=np.zeros(entries),
+        width=np.ones(entries),
     )
     by = Varying(
         rest=np.ascontiguousarray(rest.d),
-        local=np.zeros((count, vertices, 3, m)),
-        t=np.zeros((count, vertices, m)),
-        width=np.zeros((count, vertices, m)),
+        local=np.zeros((entries, 3, m)),
+        t=np.zeros((entries, m)),
+        width=np.zeros((entries, m)),
         frame_rotation=np.zeros((count, 2, 3, m)),
         frame_translation=np.zeros((count, 2, 3, m)),
         axis=np.zeros((count, 3, m)),
+        length=np.zeros((count, m)),
     )
     return skin, by
 

@@ -109,3 +109,15 @@ def log(rotation: Floats, out: Floats) -> None:
     scale = math.copysign(angle, side) / math.sqrt(square)
     for i in range(3):
         out[i] = scale * (rotation[i, best] + rotation[best, i] - (2.0 * cosine if i == best else 0.0))
+
+
+@compiled
+def shortest_way(e: Floats, u: Floats, out: Floats) -> None:
+    """The rotation vector (3,) that leads from one direction to another by the shortest way."""
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = e[j] * u[k] - e[k] * u[j]
+    sine = length(out)
+    angle = math.atan2(sine, e[0] * u[0] + e[1] * u[1] + e[2] * u[2])
+    for i in range(3):
+        out[i] *= angle / sine if sine > 0.0 else 1.0

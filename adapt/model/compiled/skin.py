@@ -1,7 +1,8 @@
 """Skin that rides on moved bones, vertex by vertex, with its derivatives if asked: the code that runs.
 
 The equations stand where the types of deformers are, and a type's ``layout`` says which of the kinds here it is:
-TURNING is the forearm's (adapt.model.deformers.forearm), BENDING the bend's (adapt.model.deformers.bend).
+TURNING is the forearm's (adapt.model.deformers.forearm), BENDING the bend's (adapt.model.deformers.bend), CURVING the
+curve's (adapt.model.compiled.curving).
 
 A vertex varies with theta, and with the body's parameters in two ways: its bones do, for their joints are elsewhere,
 and so does what it brings itself, its place at rest and in its deformer's frames. For the former all columns are alike,
@@ -12,35 +13,20 @@ loop, the machine would check again and again whether they overlap, or give up a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
 from adapt.model.compiled.between import Between, frames_between
 from adapt.model.compiled.chain import move_bones
-from adapt.model.compiled.layout import BENDING, RIGID, TURNING, BoundSkin, Varying
+from adapt.model.compiled.curving import add_curved
+from adapt.model.compiled.layout import BENDING, CURVING, RIGID, TURNING, BoundSkin, Unsigned, Varying
 from adapt.model.compiled.links import Bones, Chain
+from adapt.model.compiled.room import Listed, Room, add_turned, fill_lists, lists_for, room_for
 from capture.compiled import compiled_sums
 
 _ONSET, _CREASE = 0.09, 0.3  # of adapt.model.deformers.bend
 _AT_ONCE = 128  # vertices whose derivatives stay near the processor while one deformer after the other adds to them
-
-
-class _Room(NamedTuple):
-    """What is worked out for up to N vertices at once that ride on the frames between two bones."""
-
-    row: Ints  # (N,) which of the vertices at hand
-    vertex: Ints  # (N,)
-    order: Ints  # (N,) 0, 1, 2 and so on
-    share: Floats  # (N, 4): weight, t, sin(t angle), versine(t angle)
-    squeeze: Floats  # (N, 3) of a bend: k by q . inward, k by the mitre, k - 1
-    bare: Floats  # (N, 3) the place in the frames
-    arm: Floats  # (N, 3) the same, squeezed
-    across: Floats  # (N, 3) the way in which it evades
-    reach: Floats  # (N, 3) the arm where the frames carry it, by the weight
-    rotation: Floats  # (N, 9) that carries it, by the weight
-    d_arm: Floats  # (N, 3, m)
 
 
 def pose_rows(
@@ -54,8 +40,8 @@ def pose_rows(
     n = bones.d_rotation.shape[2]
     value, d = np.zeros((len(rows), 3)), np.zeros((len(rows) if varying else 0, 3, n))
     flat = d.reshape(len(d), 3 * n)
-    room = _room(_AT_ONCE, by.axis.shape[2])
-    _pose(bones, _by_arms(bones), frames_between(bones, skin, by), skin, by, room, rows, value, flat)
+    room, listed = room_for(_AT_ONCE, by.axis.shape[2]), lists_for(_AT_ONCE, len(skin.kind))
+    _pose(bones, _by_arms(bones), frames_between(bones, skin, by), skin, by, room, listed, rows, value, flat)
     return value, d
 
 
@@ -70,14 +56,6 @@ def _by_arms(bones: Bones) -> Floats:
     return by.reshape(count, 4, 3 * n)
 
 
-def _room(n: int, m: int) -> _Room:
-    """Room for n vertices that vary with m parameters."""
-    squeeze, bare, arm, across, reach = np.zeros((5, n, 3))
-    rotation, d_arm, order = np.zeros((n, 9)), np.zeros((n, 3, m)), np.arange(n)
-    share = np.zeros((n, 4))
-    return _Room(order.copy(), order.copy(), order, share, squeeze, bare, arm, across, reach, rotation, d_arm)
-
-
 @compiled_sums
 def _pose(
     bones: Bones,
@@ -85,7 +63,8 @@ def _pose(
     g: Between,
     skin: BoundSkin,
     by: Varying,
-    room: _Room,
+    room: Room,
+    listed: Listed,
     rows: Ints,
     value: Floats,
     d: Floats,
@@ -94,34 +73,51 @@ def _pose(
     for start in range(0, len(rows), _AT_ONCE):
         some, v, dv = rows[start : start + _AT_ONCE], value[start : start + _AT_ONCE], d[start : start + _AT_ONCE]
         rides[:] = 0.0
+        fill_lists(skin.first, skin.deformer, some, listed)
         for e in range(len(skin.kind)):
+            first, beyond = listed.first[e], listed.first[e + 1]
+            if first == beyond:
+                continue
+            own, entries = listed.row[first:beyond], listed.entry[first:beyond]
             if skin.kind[e] != TURNING:
-                _add_riding(bones, by_arms, skin, e, some, rides, v, dv)
+                _add_riding(bones, by_arms, skin, e, own, entries, rides, v, dv)
             if skin.kind[e] == RIGID:
                 continue
-            count = _find_arms(g, skin, e, some, room, v)
+            if skin.kind[e] == CURVING:
+                add_curved(g, skin, by, e, some, own, entries, room, v, dv)
+                continue
+            count = _find_arms(g, skin, e, some, own, entries, room, v)
             if varying:
-                _add_swung(g.d_rotation, g.d_origin, g.angle[e], e, count, room, dv)
+                _add_swung(g.d_rotation, g.d_origin, skin.runs[e], skin.flat[e], g.angle[e], e, count, room, dv)
             if varying and skin.kind[e] == BENDING:
-                _add_evading(g.d_inward, g.d_mitre, e, count, room, dv)
+                _add_evading(g.d_inward, g.d_mitre, skin.runs[e], e, count, room, dv)
             if varying and m > 0:
                 _add_own(g, skin, by, e, count, room, dv)
         if varying and m > 0:
-            _add_turned(rides, by.rest, some, room.order, len(some), dv)
+            add_turned(rides, by.rest, some, room.order, len(some), dv)
 
 
 @compiled_sums
 def _add_riding(
-    bones: Bones, by_arms: Floats, skin: BoundSkin, e: int, rows: Ints, rides: Floats, value: Floats, d: Floats
+    bones: Bones,
+    by_arms: Floats,
+    skin: BoundSkin,
+    e: int,
+    rows: Ints,
+    entries: Ints,
+    rides: Floats,
+    value: Floats,
+    d: Floats,
 ) -> None:
-    """Rows that ride on one bone: all of a rigid deformer's, and those before and beyond a bend."""
-    for m in range(len(rows)):
-        i = rows[m]
-        w, t = skin.weights[i, e], skin.t[e, i]
-        if w == 0.0 or 0.0 < t < 1.0:
+    """Entries that ride on one bone: all of a rigid deformer's, and those before and beyond a bend."""
+    flat = skin.flat[e]
+    for at in range(len(rows)):
+        m, i = rows[at], entries[at]
+        w, t = skin.weight[i], skin.t[i]
+        if 0.0 < t < 1.0:
             continue
         bone = skin.bones[e, int(t)]
-        a, b, c = skin.local[e, i, 0], skin.local[e, i, 1], skin.local[e, i, 2]
+        a, b, c = skin.local[i, 0], skin.local[i, 1], skin.local[i, 2]
         x = w * (bones.rotation[bone, 0, 0] * a + bones.rotation[bone, 0, 1] * b + bones.rotation[bone, 0, 2] * c)
         y = w * (bones.rotation[bone, 1, 0] * a + bones.rotation[bone, 1, 1] * b + bones.rotation[bone, 1, 2] * c)
         z = w * (bones.rotation[bone, 2, 0] * a + bones.rotation[bone, 2, 1] * b + bones.rotation[bone, 2, 2] * c)
@@ -130,40 +126,31 @@ def _add_riding(
         value[m, 2] += z + w * bones.translation[bone, 2]
         if len(d) == 0:
             continue
-        for k in range(d.shape[1]):
-            turned = x * by_arms[bone, 1, k] + y * by_arms[bone, 2, k] + z * by_arms[bone, 3, k]
-            d[m, k] += w * by_arms[bone, 0, k] + turned
+        for r in range(len(flat)):
+            for k in range(flat[r, 0], flat[r, 1]):
+                turned = x * by_arms[bone, 1, k] + y * by_arms[bone, 2, k] + z * by_arms[bone, 3, k]
+                d[m, k] += w * by_arms[bone, 0, k] + turned
         for j in range(3):
             for k in range(3):
                 rides[m, 3 * j + k] += w * bones.rotation[bone, j, k]
 
 
 @compiled_sums
-def _add_turned(r: Floats, x: Floats, vertex: Ints, row: Ints, count: int, d: Floats) -> None:
-    """Adds r @ x for r (N, 9) and x (N, 3, m) of so many vertices to the last m columns of their rows."""
-    m, n = x.shape[2], d.shape[1] // 3
-    for at in range(count):
-        i, to = vertex[at], row[at]
-        for j in range(3):
-            first, a, b, c = j * n + n - m, r[at, 3 * j], r[at, 3 * j + 1], r[at, 3 * j + 2]
-            for k in range(m):
-                d[to, first + k] += a * x[i, 0, k] + b * x[i, 1, k] + c * x[i, 2, k]
-
-
-@compiled_sums
-def _find_arms(g: Between, skin: BoundSkin, e: int, rows: Ints, room: _Room, value: Floats) -> int:
+def _find_arms(
+    g: Between, skin: BoundSkin, e: int, vertices: Ints, rows: Ints, entries: Ints, room: Room, value: Floats
+) -> int:
     """Lists the rows that ride on the frames between two bones, where they are in them, and adds where that is."""
     bend, at, r = skin.kind[e] == BENDING, 0, room.rotation
-    for m in range(len(rows)):
-        i = rows[m]
-        w, t = skin.weights[i, e], skin.t[e, i]
-        if w == 0.0 or (bend and not 0.0 < t < 1.0):
+    for index in range(len(rows)):
+        m, i = rows[index], entries[index]
+        w, t = skin.weight[i], skin.t[i]
+        if bend and not 0.0 < t < 1.0:
             continue
         sine, versine = math.sin(g.angle[e] * t), 1.0 - math.cos(g.angle[e] * t)
-        room.row[at], room.vertex[at] = m, i
+        room.row[at], room.vertex[at], room.entry[at] = m, vertices[m], i
         room.share[at, 0], room.share[at, 1], room.share[at, 2], room.share[at, 3] = w, t, sine, versine
         for j in range(3):
-            room.bare[at, j] = skin.local[e, i, j] - (skin.frame_translation[e, 0, j] if bend else 0.0)
+            room.bare[at, j] = skin.local[i, j] - (skin.frame_translation[e, 0, j] if bend else 0.0)
             room.arm[at, j] = room.bare[at, j]
         if bend:
             _squeeze(g, skin, e, i, at, room)
@@ -179,12 +166,12 @@ def _find_arms(g: Between, skin: BoundSkin, e: int, rows: Ints, room: _Room, val
 
 
 @compiled_sums
-def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: _Room) -> None:
+def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: Room) -> None:
     """Turns an arm q of a bend into q + (k - 1) q_across, and says q_across.
 
     And how k varies with q . inward and with the mitre, and k - 1: all 0 where slices do not close up.
     """
-    arm, t, width = room.arm, room.share[at, 1], skin.width[e, i]
+    arm, t, width = room.arm, room.share[at, 1], skin.width[i]
     for k in range(3):
         room.squeeze[at, k], room.across[at, k] = 0.0, 0.0
     s = (arm[at, 0] * g.inward[e, 0] + arm[at, 1] * g.inward[e, 1] + arm[at, 2] * g.inward[e, 2]) / width
@@ -203,86 +190,94 @@ def _squeeze(g: Between, skin: BoundSkin, e: int, i: int, at: int, room: _Room) 
 
 
 @compiled_sums
-def _add_swung(spin: Floats, glide: Floats, angle: float, e: int, count: int, room: _Room, d: Floats) -> None:
+def _add_swung(
+    spin: Floats, glide: Floats, runs: Unsigned, flat: Unsigned, angle: float, e: int, count: int, room: Room, d: Floats
+) -> None:
     """What vertices vary by with the frames, for the same shares t and the same arms."""
     n = d.shape[1] // 3
-    turned, moved = np.zeros(3 * n), np.zeros(3 * n)
+    turned = np.zeros(3 * n)
     for at in range(count):
         w, t, sine, versine = room.share[at, 0], room.share[at, 1], room.share[at, 2], room.share[at, 3]
         swing, lag, to = versine / angle, t - sine / angle, room.row[at]
-        for k in range(3 * n):
-            turned[k] = spin[e, 0, k] + sine * spin[e, 1, k] + versine * spin[e, 2, k]
-            turned[k] += t * spin[e, 3, k] + swing * spin[e, 4, k] + lag * spin[e, 5, k]
-        for k in range(3 * n):
-            moved[k] = w * (glide[e, 0, k] + t * glide[e, 1, k])
+        for r in range(len(flat)):
+            for k in range(flat[r, 0], flat[r, 1]):
+                turned[k] = spin[e, 0, k] + sine * spin[e, 1, k] + versine * spin[e, 2, k]
+                turned[k] += t * spin[e, 3, k] + swing * spin[e, 4, k] + lag * spin[e, 5, k]
+            for k in range(flat[r, 0], flat[r, 1]):
+                d[to, k] += w * (glide[e, 0, k] + t * glide[e, 1, k])
         for j in range(3):
             p, q = (j + 1) % 3, (j + 2) % 3
             a, b = room.reach[at, q], room.reach[at, p]
-            for k in range(n):
-                d[to, j * n + k] += moved[j * n + k] + a * turned[p * n + k] - b * turned[q * n + k]
+            jn, pn, qn = np.uint64(j * n), np.uint64(p * n), np.uint64(q * n)
+            for r in range(len(runs)):
+                for k in range(runs[r, 0], runs[r, 1]):
+                    d[to, jn + k] += a * turned[pn + k] - b * turned[qn + k]
 
 
 @compiled_sums
-def _add_evading(d_inward: Floats, d_mitre: Floats, e: int, count: int, room: _Room, d: Floats) -> None:
+def _add_evading(d_inward: Floats, d_mitre: Floats, runs: Unsigned, e: int, count: int, room: Room, d: Floats) -> None:
     """What a bend's tissue evades by when the joint bends further."""
-    n, r = d.shape[1] // 3, room.rotation
+    n, rotation = d.shape[1] // 3, room.rotation
     gain = np.zeros(n)
     for at in range(count):
         by_reach, by_mitre, to = room.squeeze[at, 0], room.squeeze[at, 1], room.row[at]
         if by_mitre == 0.0:
             continue
         a, b, c = by_reach * room.bare[at, 0], by_reach * room.bare[at, 1], by_reach * room.bare[at, 2]
-        for k in range(n):
-            reach = a * d_inward[e, 0, k] + b * d_inward[e, 1, k] + c * d_inward[e, 2, k]
-            gain[k] = reach + by_mitre * d_mitre[e, k]
-        a, b, c = room.across[at, 0], room.across[at, 1], room.across[at, 2]
-        for j in range(3):
-            led = r[at, 3 * j] * a + r[at, 3 * j + 1] * b + r[at, 3 * j + 2] * c  # where the evasion leads to
-            for k in range(n):
-                d[to, j * n + k] += led * gain[k]
+        x, y, z = room.across[at, 0], room.across[at, 1], room.across[at, 2]
+        for r in range(len(runs)):
+            for k in range(runs[r, 0], runs[r, 1]):
+                reach = a * d_inward[e, 0, k] + b * d_inward[e, 1, k] + c * d_inward[e, 2, k]
+                gain[k] = reach + by_mitre * d_mitre[e, k]
+            for j in range(3):  # where the evasion leads to
+                led = rotation[at, 3 * j] * x + rotation[at, 3 * j + 1] * y + rotation[at, 3 * j + 2] * z
+                jn = np.uint64(j * n)
+                for k in range(runs[r, 0], runs[r, 1]):
+                    d[to, jn + k] += led * gain[k]
 
 
 @compiled_sums
-def _add_own(g: Between, skin: BoundSkin, by: Varying, e: int, count: int, room: _Room, d: Floats) -> None:
+def _add_own(g: Between, skin: BoundSkin, by: Varying, e: int, count: int, room: Room, d: Floats) -> None:
     """What the vertices bring themselves: R(t) d_arm + (R(t) arm + o(t))' dt."""
     if skin.kind[e] == BENDING:
         _fill_arms(g.inward, skin, by, e, count, room)
-        _add_turned(room.rotation, room.d_arm, room.order, room.row, count, d)
+        add_turned(room.rotation, room.d_arm, room.order, room.row, count, d)
     else:
-        _add_turned(room.rotation, by.local[e], room.vertex, room.row, count, d)
-    n, m, angle = d.shape[1] // 3, by.t.shape[2], g.angle[e]
+        add_turned(room.rotation, by.local, room.entry, room.row, count, d)
+    n, m, angle = d.shape[1] // 3, by.t.shape[1], g.angle[e]
     for at in range(count):
         w, sine, cosine = room.share[at, 0], room.share[at, 2], 1.0 - room.share[at, 3]
-        i, to = room.vertex[at], room.row[at]
+        i, to = room.entry[at], room.row[at]
         for j in range(3):
             by_t = w * g.origin[e, 1, j]
             for k in range(3):
                 slope = cosine * g.rotation[e, 1, j, k] + sine * g.rotation[e, 2, j, k]
                 by_t += w * angle * slope * room.arm[at, k]
             for k in range(m):
-                d[to, j * n + n - m + k] += by_t * by.t[e, i, k]
+                d[to, j * n + n - m + k] += by_t * by.t[i, k]
 
 
 @compiled_sums
-def _fill_arms(inward: Floats, skin: BoundSkin, by: Varying, e: int, count: int, room: _Room) -> None:
+def _fill_arms(inward: Floats, skin: BoundSkin, by: Varying, e: int, count: int, room: Room) -> None:
     """How a bend's squeezed arms q + (k - 1) q_across vary with the body, for the same turn of the joint."""
     u, du, centre, d_arm, m = skin.axis, by.axis, by.frame_translation, room.d_arm, by.axis.shape[2]
     change, d_along = np.zeros(m), np.zeros(m)
     for at in range(count):
-        i, t, by_reach, gain = room.vertex[at], room.share[at, 1], room.squeeze[at, 0], room.squeeze[at, 2]
+        i, s = room.vertex[at], room.entry[at]
+        t, by_reach, gain = room.share[at, 1], room.squeeze[at, 0], room.squeeze[at, 2]
         for j in range(3):
             for k in range(m):
                 d_arm[at, j, k] = by.rest[i, j, k] - centre[e, 0, j, k]
         if room.squeeze[at, 1] == 0.0:
             continue
         a, b, c = room.bare[at, 0], room.bare[at, 1], room.bare[at, 2]
-        s = (a * inward[e, 0] + b * inward[e, 1] + c * inward[e, 2]) / skin.width[e, i]
+        closes = (a * inward[e, 0] + b * inward[e, 1] + c * inward[e, 2]) / skin.width[s]
         along = a * u[e, 0] + b * u[e, 1] + c * u[e, 2]
         by_t = gain * (1.0 - 2.0 * t) / (t * (1.0 - t))  # of k, for the same s
         for k in range(m):
             x, y, z = d_arm[at, 0, k], d_arm[at, 1, k], d_arm[at, 2, k]
             reach = x * inward[e, 0] + y * inward[e, 1] + z * inward[e, 2]
-            change[k] = by_reach * (reach - s * by.width[e, i, k]) + by_t * by.t[e, i, k]
+            change[k] = by_reach * (reach - closes * by.width[s, k]) + by_t * by.t[s, k]
             d_along[k] = x * u[e, 0] + y * u[e, 1] + z * u[e, 2]
             d_along[k] += a * du[e, 0, k] + b * du[e, 1, k] + c * du[e, 2, k]
         for j in range(3):

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from adapt.anatomy import Anatomy, Deformer, Floats
 from adapt.model.deformers.bend import Bend
+from adapt.model.deformers.curve import Curve
 from adapt.model.deformers.deformer_type import Bound, DeformerType
 from adapt.model.deformers.forearm import Forearm
 from adapt.model.deformers.halfway import Halfway
@@ -22,6 +23,7 @@ _TYPES: tuple[DeformerType, ...] = (
     Forearm(),
     Bend(),
     Halfway(),
+    Curve(),
 )
 DEFORMER_TYPES = {each.name: each for each in _TYPES}
 """Every type of deformer by the name that an anatomy gives it."""
@@ -29,7 +31,7 @@ DEFORMER_TYPES = {each.name: each for each in _TYPES}
 
 def bind(anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Bound:
     """What a deformer has to know of rest points of ``skin`` and of the landmarks, whatever the pose."""
-    bound: Bound = DEFORMER_TYPES[deformer.type].bind(anatomy, deformer.frames, p, skin)
+    bound: Bound = DEFORMER_TYPES[deformer.type].bind(anatomy, deformer, p, skin)
     return bound
 
 
@@ -43,8 +45,8 @@ def bone_shares(deformer: Deformer, bound: Bound) -> dict[str, Floats]:
     return dict(zip(deformer.bones, DEFORMER_TYPES[deformer.type].bone_shares(bound), strict=True))
 
 
-def deformer_problem(deformer: Deformer) -> str | None:
+def deformer_problem(anatomy: Anatomy, deformer: Deformer) -> str | None:
     """Why these parts make no deformer of the type that they name, or None."""
     if deformer.type not in DEFORMER_TYPES:
         return f"no type {deformer.type!r}: the types are {', '.join(DEFORMER_TYPES)}"
-    return DEFORMER_TYPES[deformer.type].problem(deformer)
+    return DEFORMER_TYPES[deformer.type].problem(anatomy, deformer)

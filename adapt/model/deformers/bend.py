@@ -31,11 +31,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Frame, Ints
+from adapt.anatomy import Anatomy, Deformer, Floats, Ints
+from adapt.model.blended_frames import blended_frames
 from adapt.model.compiled.layout import BENDING, Layout
-from adapt.model.deformers.between import blended_frames
 from adapt.model.deformers.deformer_type import DeformerType
-from adapt.model.derivatives import Motion, Points, compose, d_reach_along, mere_points, move, reach_along, still_points
+from adapt.model.deformers.slices import slices, y_axis
+from adapt.model.derivatives import Motion, Points, compose, mere_points, move, still_points
 from adapt.model.frames import frame_from_landmarks
 from capture.rigid import hat, left_jacobian_so3, log_so3
 
@@ -76,15 +77,15 @@ class Bend(DeformerType):
     frames = 3
     swells = True
 
-    def bind(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> BoundBend:
+    def bind(self, anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> BoundBend:
         """Skin points at rest in the slices of a bend, with derivatives; ``frames`` are start, end and centre.
 
         Their y axes point from the first bone to the second: normals of the planes, and the limb's axis.
         """
-        start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
+        start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in deformer.frames)
         middle = Points(centre.translation[None], centre.d_translation[None])
-        along = Points(*(each[None] for each in _y_axis(centre)))
-        t, width, dt, d_width = _slices(start, end, skin)
+        along = Points(*(each[None] for each in y_axis(centre)))
+        t, width, dt, d_width = slices(start, end, skin)
         if skin.still and not p.d.any():  # then nothing varies at rest
             none = np.zeros((1, 1))
             return BoundBend(skin, t, width, none, none, still_points(middle.value), still_points(along.value))
@@ -108,19 +109,19 @@ class Bend(DeformerType):
         """1 - t and t."""
         return 1.0 - bound.t, bound.t
 
-    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+    def layout(self, anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Layout:
         """The points' slices, and the joint's centre with no rotation, on either bone."""
-        start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in frames)
-        (axis, d_axis), still = _y_axis(centre), np.zeros_like(centre.d_translation)
-        t, width, dt, d_width = _slices(start, end, skin)
+        start, end, centre = (frame_from_landmarks(anatomy, frame, p) for frame in deformer.frames)
+        (axis, d_axis), still = y_axis(centre), np.zeros_like(centre.d_translation)
+        t, width, dt, d_width = slices(start, end, skin)
         ends = (Motion(np.eye(3), centre.translation, still, centre.d_translation),) * 2
-        return Layout(BENDING, t, width, ends, axis, dt, d_width, d_axis)
+        return Layout(BENDING, t, width, ends, axis, d_t=dt, d_width=d_width, d_axis=d_axis)
 
     def turning_frames(
-        self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: BoundBend
+        self, anatomy: Anatomy, deformer: Deformer, p: Points, bound: BoundBend
     ) -> tuple[Motion, Motion]:
         """The frame at the joint's centre, on either bone."""
-        centre = frame_from_landmarks(anatomy, frames[2], p)
+        centre = frame_from_landmarks(anatomy, deformer.frames[2], p)
         return centre, centre
 
     def swelling(self, bound: BoundBend, motions: tuple[Motion, Motion]) -> Floats:
@@ -133,28 +134,6 @@ class Bend(DeformerType):
     def reach(self, bound: BoundBend) -> Floats:
         """The distance (N,) m of each bound point from the limb's axis through the joint's centre."""
         return np.asarray(np.linalg.norm(np.cross(bound.skin.value - bound.centre.value, bound.axis.value[0]), axis=1))
-
-
-def _slices(start: Motion, end: Motion, skin: Points) -> tuple[Floats, Floats, Floats, Floats]:
-    """Shares t (N,) and widths a + b (N,) m of points between two planes, then their derivatives (N, n).
-
-    A plane goes through a frame's origin across its y axis. Derivatives are 0 outside the bend, where no one asks.
-    """
-    (a, b), n = (reach_along(plane, _y_axis(plane)[0], skin) for plane in (start, end)), start.n
-    past, before = np.maximum(a, 0.0), np.maximum(-b, 0.0)
-    width = np.maximum(past + before, 1e-12)
-    t = past / width  # 0 where neither plane has been passed
-    dt, d_width = np.zeros((len(t), n)), np.zeros((len(t), n))
-    bending = np.flatnonzero((t > 0.0) & (t < 1.0))
-    d_past, d_before = (d_reach_along(plane, *_y_axis(plane), skin.at(bending)) for plane in (start, end))
-    past, before, over = past[bending, None], before[bending, None], width[bending, None] ** 2
-    dt[bending], d_width[bending] = (before * d_past + past * d_before) / over, d_past - d_before
-    return t, width, dt, d_width
-
-
-def _y_axis(frame: Motion) -> tuple[Floats, Floats]:
-    axis = frame.rotation[:, 1]
-    return axis, hat(-axis) @ frame.d_rotation
 
 
 def _turned(bound: BoundBend, motions: tuple[Motion, ...]) -> Points:

@@ -1,4 +1,4 @@
-"""The frames that stand between two others: origins blended linearly, rotations by SLERP; and skin bound to them."""
+"""Skin bound to the frames that stand between two others."""
 
 from __future__ import annotations
 
@@ -7,48 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from adapt.anatomy import Floats, Ints
+from adapt.model.blended_frames import BlendedFrames, blended_frames
 from adapt.model.derivatives import Motion, Points, compose, mere_points, still_points
-from capture.rigid import hat, left_jacobian_so3, log_so3
-
-
-@dataclass(frozen=True)
-class BlendedFrames:
-    """One frame per point: origin (N, 3), rotation (N, 3, 3) and their derivatives (N, 3, n)."""
-
-    origin: Floats
-    rotation: Floats
-    d_origin: Floats
-    d_rotation: Floats
-
-
-def blended_frames(proximal: Motion, distal: Motion, t: Floats, dt: Floats) -> BlendedFrames:
-    """The frames at ``t`` (N,): all turn about the one axis rho, so each is a few numbers times fixed matrices.
-
-    With K = hat(rho) / |rho| and x = t |rho|:  exp(t rho) = I + sin(x) K + (1 - cos(x)) K^2. The derivative of R(t)
-    is t J_l(t rho) d_rho + rho dt + exp(t rho) d_R_p, because J_l(t rho) rho = rho, with the left Jacobian
-    t J_l(t rho) = t I + (1 - cos(x)) / |rho| K + (t - sin(x) / |rho|) K^2.
-    """
-    rho = log_so3(distal.rotation @ proximal.rotation.T)
-    angle = np.sqrt(rho @ rho) or 1.0  # without a twist K is 0, and any angle will do
-    k = hat(rho) / angle
-    powers, sine, versine = np.array([np.eye(3), k, k @ k]), np.sin(angle * t), 1.0 - np.cos(angle * t)
-    slide, turn = np.array([np.ones_like(t), t]), np.array([np.ones_like(t), sine, versine])
-    span = distal.translation - proximal.translation
-    origin = _combined(slide, np.array([proximal.translation, span])[:, :, None])[:, :, 0]
-    rotation = _combined(turn, powers @ proximal.rotation)
-    if not proximal.n:
-        return BlendedFrames(origin, rotation, *np.zeros((2, len(t), 3, 0)))
-
-    d_span = distal.d_translation - proximal.d_translation
-    d_between = distal.d_rotation - distal.rotation @ proximal.rotation.T @ proximal.d_rotation
-    d_rho = np.linalg.solve(left_jacobian_so3(rho), d_between)
-    swing = np.array([t, versine / angle, t - sine / angle])
-    d_origin = _combined(slide, np.array([proximal.d_translation, d_span]))
-    d_rotation = _combined(
-        np.concatenate([turn, swing]), np.concatenate([powers @ proximal.d_rotation, powers @ d_rho])
-    )
-    by_t = dt[:, None, :]
-    return BlendedFrames(origin, rotation, d_origin + span[:, None] * by_t, d_rotation + rho[:, None] * by_t)
+from capture.rigid import hat
 
 
 @dataclass(frozen=True)
@@ -76,30 +37,35 @@ def bind_between(
 ) -> BoundBetween:
     """Skin points at rest in the frames between the two at ``t``; unless ``varying``, nothing varies at rest."""
     frame = blended_frames(proximal, distal, t, dt)
-    reach = skin.value - frame.origin
-    local = np.einsum("nji,nj->ni", frame.rotation, reach)
     if not varying:
-        return BoundBetween(proximal, distal, t, np.zeros((1, 1)), still_points(local))
-    moved = skin.d - frame.d_origin + np.matmul(hat(reach), frame.d_rotation)
-    d_local = np.matmul(np.swapaxes(frame.rotation, 1, 2), moved)
-    return BoundBetween(proximal, distal, t, dt, Points(local, d_local))
+        return BoundBetween(proximal, distal, t, np.zeros((1, 1)), still_points(into_frames(frame, skin.value)))
+    return BoundBetween(proximal, distal, t, dt, into_frames_varying(frame, skin))
 
 
 def carry_between(bound: BoundBetween, motions: tuple[Motion, ...]) -> Points:
     """The bound points where the frames carry them whose two ends ride on two bones, with derivatives."""
     proximal, distal = compose(motions[0], bound.proximal), compose(motions[1], bound.distal)
-    frame = blended_frames(proximal, distal, bound.t, bound.dt)
-    arm = np.einsum("nij,nj->ni", frame.rotation, bound.local.value)
-    if not proximal.n:
-        return mere_points(arm + frame.origin)
-    d = np.matmul(hat(-arm), frame.d_rotation)
-    d += frame.d_origin
-    if not bound.local.still:
-        d += np.matmul(frame.rotation, bound.local.d)
-    return Points(arm + frame.origin, d)
+    return out_of_frames(blended_frames(proximal, distal, bound.t, bound.dt), bound.local)
 
 
-def _combined(shares: Floats, matrices: Floats) -> Floats:
-    """For each column of ``shares`` (K, N) the sum (N, 3, n) of those shares of the ``matrices`` (K, 3, n)."""
-    combined = shares.T @ matrices.reshape(len(matrices), -1)
-    return np.asarray(combined.reshape(shares.shape[1], *matrices.shape[1:]))
+def into_frames(frames: BlendedFrames, points: Floats) -> Floats:
+    """Points (N, 3), each as its own frame sees it."""
+    return np.asarray(np.einsum("nji,nj->ni", frames.rotation, points - frames.origin))
+
+
+def into_frames_varying(frames: BlendedFrames, points: Points) -> Points:
+    """The same with derivatives."""
+    moved = points.d - frames.d_origin + np.matmul(hat(points.value - frames.origin), frames.d_rotation)
+    return Points(into_frames(frames, points.value), np.matmul(np.swapaxes(frames.rotation, 1, 2), moved))
+
+
+def out_of_frames(frames: BlendedFrames, local: Points) -> Points:
+    """Points (N, 3) that each frame carries where it sees them, with derivatives."""
+    arm = np.einsum("nij,nj->ni", frames.rotation, local.value)
+    if not frames.d_origin.shape[2]:
+        return mere_points(arm + frames.origin)
+    d = np.matmul(hat(-arm), frames.d_rotation)
+    d += frames.d_origin
+    if not local.still:
+        d += np.matmul(frames.rotation, local.d)
+    return Points(arm + frames.origin, d)

@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Deformer, Floats, Frame, Ints
+from adapt.anatomy import Anatomy, Deformer, Floats, Ints
+from adapt.model.blended_frames import BlendedFrames, blended_frames
 from adapt.model.compiled.layout import Layout
 from adapt.model.derivatives import Motion, Points
 from adapt.model.frames import mirrored_frame
@@ -33,14 +34,14 @@ class DeformerType(ABC):
     frames: ClassVar[int] = 0  # how many it needs
     swells: ClassVar[bool] = False  # whether tissue moves away from the limb's axis as well
 
-    def problem(self, deformer: Deformer) -> str | None:
-        """Why these parts make no deformer of this type, or None."""
+    def problem(self, anatomy: Anatomy, deformer: Deformer) -> str | None:
+        """Why these parts make no deformer of this type in the anatomy, or None."""
         if (len(deformer.bones), len(deformer.frames)) != (self.bones, self.frames):
             return f"a deformer of type {self.name} has {self.bones} bone(s) and {self.frames} frame(s)"
         return None
 
     @abstractmethod
-    def bind(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Any:
+    def bind(self, anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Any:
         """What it has to know of rest points of ``skin`` and of the landmarks, whatever the pose: a ``Bound``."""
 
     @abstractmethod
@@ -56,17 +57,21 @@ class DeformerType(ABC):
         return replace(deformer, frames=tuple(mirrored_frame(frame) for frame in deformer.frames))
 
     @abstractmethod
-    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+    def layout(self, anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Layout:
         """What ``bind`` says, for the compiled loops (adapt.model.compiled.skin)."""
 
     def turning_frames(
-        self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, bound: Any
+        self, anatomy: Anatomy, deformer: Deformer, p: Points, bound: Any
     ) -> tuple[Motion, Motion] | None:
         """The frames on its two bones at rest between which skin turns bit by bit; None where linear blending will do.
 
         Of one that swells, their y axes run along the limb.
         """
         return None
+
+    def between(self, bound: Any, first: Motion, second: Motion, t: Floats) -> BlendedFrames:
+        """The frames at shares ``t`` (N,) between those two, where its bones have carried them."""
+        return blended_frames(first, second, t, np.zeros((len(t), first.n)))
 
     def swelling(self, bound: Any, motions: tuple[Motion, Motion]) -> Floats:
         """By how much of its distance from the limb's axis (N,) each bound point swells when the bones move so."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapt.anatomy import Anatomy, Floats, Frame
+from adapt.anatomy import Anatomy, Deformer, Floats
 from adapt.model.compiled.layout import RIGID, Layout
 from adapt.model.deformers.deformer_type import DeformerType
 from adapt.model.derivatives import Motion, Points, move
@@ -16,7 +16,7 @@ class Rigid(DeformerType):
     name = "rigid"
     bones = 1
 
-    def bind(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Points:
+    def bind(self, anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Points:
         """The points as they are."""
         return skin
 
@@ -28,6 +28,6 @@ class Rigid(DeformerType):
         """All of each point."""
         return (np.ones(len(bound.value)),)
 
-    def layout(self, anatomy: Anatomy, frames: tuple[Frame, ...], p: Points, skin: Points) -> Layout:
+    def layout(self, anatomy: Anatomy, deformer: Deformer, p: Points, skin: Points) -> Layout:
         """There is nothing to say."""
         return Layout(RIGID)

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.arc import Arc
 from adapt.model.derivatives import Motion, Points
 from adapt.model.joints.ball import Ball
 from adapt.model.joints.curve import Curve
@@ -25,6 +26,7 @@ from adapt.model.joints.socket import Socket
 from adapt.model.joints.spline import Spline
 from adapt.model.joints.strut import Strut
 from adapt.model.joints.universal import Universal
+from capture.errors import AnatomyError
 
 _TYPES: tuple[JointType, ...] = (
     Free(),
@@ -63,6 +65,25 @@ def joint_problem(joint: Joint) -> str | None:
     if joint.type not in JOINT_TYPES:
         return f"no type {joint.type!r}: the types are {', '.join(JOINT_TYPES)}"
     return JOINT_TYPES[joint.type].problem(joint)
+
+
+def arched_joint(anatomy: Anatomy, bone: str) -> Joint | None:
+    """The joint by which an arc leads to a bone, or None.
+
+    >>> from adapt.anatomy_file import load_anatomy
+    >>> arched_joint(load_anatomy("upper-limb-right"), "ulna") is None  # an arm has no spine
+    True
+    """
+    arched = (joint for joint in anatomy.joints if JOINT_TYPES[joint.type].arched)
+    return next((joint for joint in arched if joint.child == bone), None)
+
+
+def arc_to(anatomy: Anatomy, bone: str, p: Points) -> Arc:
+    """The arc at rest that leads to a bone, varying with the landmarks. Raises AnatomyError if there is none."""
+    joint = arched_joint(anatomy, bone)
+    if joint is None:
+        raise AnatomyError(f"no curve leads to the bone {bone!r}", remedy="mend the anatomy's data")
+    return JOINT_TYPES[joint.type].arc(anatomy, joint, p)
 
 
 def units_of(joint: Joint) -> tuple[Literal["rad", "m"], ...]:

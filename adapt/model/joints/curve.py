@@ -21,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.arc import Arc, ratios
 from adapt.model.compiled.rows import ARC, Row, reach, turn_about
 from adapt.model.derivatives import Motion, Points, compose, invert
 from adapt.model.frames import landmark_mean
@@ -29,7 +30,7 @@ from adapt.model.joints.joint_type import rest_values
 from adapt.model.joints.opensim import OsimJoint, Resting
 from capture.rigid import exp_so3, left_jacobian_so3
 
-_SMALL = 1e-3  # below this angle (rad) series replace the closed forms
+_SMALL = 1e-3  # below this angle (rad) a series replaces the closed form
 _X, _Y, _Z = np.eye(3)
 
 
@@ -41,6 +42,7 @@ class Curve(Framed):
 
     name = "curve"
     turned_over = (0, 2)
+    arched = True
 
     def knots_problem(self, joint: Joint) -> str | None:
         """Why it has no frame, or one that does not start at the curve's base; None if all is well."""
@@ -68,6 +70,12 @@ class Curve(Framed):
         at_rest = self.placed_at(anatomy, joint, rest_values(anatomy, joint), p, (), share)
         there = compose(frame, self.placed_at(anatomy, joint, q, p, columns, share))
         return compose(there, invert(compose(frame, at_rest)))
+
+    def arc(self, anatomy: Anatomy, joint: Joint, p: Points) -> Arc:
+        """The curve at rest."""
+        frame = self.frame(anatomy, joint, p)
+        at_rest = self.placed_at(anatomy, joint, rest_values(anatomy, joint), p, (), 1.0)
+        return Arc(frame, compose(frame, at_rest), *_length(anatomy, joint, p))
 
     def rows_inside(self, anatomy: Anatomy, joint: Joint, p: Points, after: Motion) -> list[Row]:
         """A shift along the arc, then the three turns."""
@@ -109,7 +117,7 @@ def _at_share(q: Floats, share: float) -> tuple[Floats, Floats, Floats, Floats]:
     """t(s) of length 1 (3,) and R(s) (3, 3), with their derivatives (3, 3) by q, that of R(s) as an angular one."""
     v, dv = _bend(q)
     x = share * float(np.linalg.norm(v))
-    sinc, versed, d_sinc, d_versed = _ratios(x)
+    sinc, versed, d_sinc, d_versed = ratios(np.array(x))
     dx = share**2 * (v @ dv)  # x dx
     way = share * np.array([share * versed * v[0], sinc, share * versed * v[1]])
     across = share * (versed * dv + np.outer(v, d_versed * dx))
@@ -143,11 +151,3 @@ def _bend(q: Floats) -> tuple[Floats, Floats]:
 def _turn(v: Floats) -> Floats:
     """r: the rotation vector that leads from e_y to u by the shortest way."""
     return np.array([v[1], 0.0, -v[0]])
-
-
-def _ratios(x: float) -> tuple[float, float, float, float]:
-    """sin(x) / x and (1 - cos(x)) / x^2, and the derivatives of both by x, divided by x."""
-    if x < _SMALL:
-        return 1.0 - x**2 / 6.0, 0.5 - x**2 / 24.0, -1.0 / 3.0 + x**2 / 30.0, -1.0 / 12.0 + x**2 / 180.0
-    sine, versed = float(np.sin(x)), 2.0 * float(np.sin(0.5 * x)) ** 2
-    return sine / x, versed / x**2, (x * np.cos(x) - sine) / x**3, (x * sine - 2.0 * versed) / x**4

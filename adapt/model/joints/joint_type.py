@@ -10,6 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from adapt.anatomy import Anatomy, Floats, Joint
+from adapt.model.arc import Arc
 from adapt.model.compiled.rows import Row
 from adapt.model.derivatives import Motion, Points, compose
 from adapt.model.frames import mirrored_frame
@@ -25,6 +26,7 @@ class JointType(ABC):
     free: ClassVar[bool] = False  # whether the coordinates place the child in the recording: it has no parent
     reaches: ClassVar[bool] = False  # whether the child reaches to a second bone, the joint's ``other``
     holds: ClassVar[bool] = False  # whether it holds something besides its ranges, which ``held`` tells
+    arched: ClassVar[bool] = False  # whether an arc leads from the parent to the child, which ``arc`` tells
     child_carries_centre: ClassVar[bool] = False  # as well as the parent: the child only turns about it
     rotation_vector: ClassVar[tuple[int, ...]] = ()  # which coordinates are one: they neither add nor subtract
     turned_over: ClassVar[tuple[int, ...]] = ()  # which coordinates change their signs in the mirror image
@@ -57,6 +59,10 @@ class JointType(ABC):
     def held(self, anatomy: Anatomy, joint: Joint, p: Points, motions: Mapping[str, Motion]) -> tuple[float, Floats]:
         """Of a joint that ``holds``: how far off it is, in standard deviations, with the derivative (n,) of that."""
         raise NotImplementedError(f"a joint of type {self.name} holds nothing")
+
+    def arc(self, anatomy: Anatomy, joint: Joint, p: Points) -> Arc:
+        """Of a joint that is ``arched``: the arc at rest, on shares of which bones and skin may ride."""
+        raise NotImplementedError(f"a joint of type {self.name} has no arc")
 
     @abstractmethod
     def rows(self, anatomy: Anatomy, joint: Joint, p: Points) -> list[Row]:

@@ -44,6 +44,8 @@ JOINT_MEASURES = {
     "toes": "foot breadth",
 }
 
+_SIDES = {"_r": "_l", "_l": "_r"}  # how names of a body that has both sides end
+
 _HEIGHT_M, _MASS_KG = (0.9, 2.4), (10.0, 250.0)  # what is believed of somebody
 _SURVEYED_M = (1.45, 2.0)  # of other statures the survey says next to nothing: a child is no small soldier
 _SURVEYED_KG = (40.0, 140.0)
@@ -109,6 +111,38 @@ class Residuals:
         """Mean (N,) and covariance (N, N) of some of the measures; one may be named more than once."""
         rows = [self.measures.index(name) for name in measures]
         return self.mean[rows], self.covariance[np.ix_(rows, rows)]
+
+
+def bone_measure(bone: str) -> str | None:
+    """The survey's measure of a bone, on either side; None where there is none.
+
+    >>> bone_measure("femur"), bone_measure("femur_l"), bone_measure("patella_l")
+    ('thigh', 'thigh', None)
+    """
+    return BONE_MEASURES.get(_without_side(bone))
+
+
+def joint_measure(joint: str) -> str | None:
+    """The same of a joint's thickness.
+
+    >>> joint_measure("wrist_r"), joint_measure("elbow_r")
+    ('wrist girth', None)
+    """
+    return JOINT_MEASURES.get(_without_side(joint))
+
+
+def of_other_side(name: str) -> str | None:
+    """The name of the other side's bone or joint in a body that has both; None in the middle.
+
+    >>> of_other_side("femur_r"), of_other_side("pelvis")
+    ('femur_l', None)
+    """
+    end = _SIDES.get(name[-2:])
+    return None if end is None else name[:-2] + end
+
+
+def _without_side(name: str) -> str:
+    return name[:-2] if name[-2:] in _SIDES else name
 
 
 @lru_cache(maxsize=16)

@@ -10,13 +10,22 @@ import numpy as np
 from adapt.anatomy import Anatomy, Floats
 from adapt.model.body import Body
 from adapt.model.shape.handle_space import AffineSet
-from adapt.model.shape.population import ANYBODY, BONE_MEASURES, JOINT_MEASURES, MEN_M, Person, residuals
+from adapt.model.shape.population import (
+    ANYBODY,
+    MEN_M,
+    Person,
+    bone_measure,
+    joint_measure,
+    of_other_side,
+    residuals,
+)
 
 SIZE_SIGMA = 0.2  # overall size against the template: children of six (0.6) and very tall men (1.25) are people, too
 STATED_SIGMA = 0.02  # the same where the height is stated: the template may be no average man's, nor the height exact
 OWN_SIGMA = 0.025  # of ours against the survey's measures: other end points, and a template of one body (an assumption)
 GIRTH_SIGMA = 0.04  # scale of one joint against the overall size, where the survey has no measure of it
 LENGTH_SIGMA = 0.06  # length of one bone against the overall size, likewise
+ALIKE_SIGMA = 0.03  # one side's lengths and scales against the other's, of a body that has both (an assumption)
 SIDEWAYS_SIGMA_M = 0.002  # direction of a bone: how far its end may stray sideways
 _GAUGE_SIGMA_M = 1e-3  # the pose already moves the whole body: the first group stays where it is
 
@@ -35,7 +44,10 @@ def shape_prior(anatomy: Anatomy, affine: AffineSet, person: Person = ANYBODY) -
     Bodies differ by an overall size g first, the person's stature against the average man's. Bones' lengths and
     joints' scales follow g up to their own spread, which hangs together as in ANSUR II (``population``), and OWN_SIGMA
     for what its measures do not say of ours; where a bone or a joint has no measure there, by LENGTH_SIGMA and
-    GIRTH_SIGMA. g itself is integrated out: where no height is stated, any uniform scaling costs only SIZE_SIGMA.
+    GIRTH_SIGMA. Of a bone with more than two heads (a pelvis, a chest) that goes for all pairs; the first keeps its
+    direction, and from it the others stray with the bone's proportions, by GIRTH_SIGMA of their length. Where there are
+    both sides, one is like the other up to ALIKE_SIGMA. g itself is integrated out: where no height is stated, any
+    uniform scaling costs only SIZE_SIGMA.
 
     >>> from adapt.anatomy_file import load_anatomy
     >>> from adapt.model.body import make_body
@@ -71,26 +83,33 @@ def overall_size(body: Body) -> float:
 
 def _with_size(anatomy: Anatomy, affine: AffineSet, person: Person) -> tuple[Floats, Floats]:
     """Information (4J + 1, 4J + 1) on [shape, g], both against the identity, and the information times the mean."""
-    n, shifts = len(affine.identity), affine.shift_columns
+    n, shifts, groups = len(affine.identity), affine.shift_columns, affine.groups
     surveyed: list[tuple[Floats, str]] = []  # rows whose value is a measure's residual
     rows: list[Floats] = []  # rows with one standard deviation and mean zero
-    for joint, column in zip(affine.groups, affine.scale_columns, strict=True):
-        row = _row(n + 1, {column: 1.0, n: -1.0})
-        _sort(row, JOINT_MEASURES.get(joint), GIRTH_SIGMA, surveyed, rows)
+    scales = {frozenset([j]): _row(n + 1, {c: 1.0, n: -1.0}) for j, c in zip(groups, affine.scale_columns, strict=True)}
+    for joint in groups:
+        _sort(scales[frozenset([joint])], joint_measure(joint), GIRTH_SIGMA, surveyed, rows)
+    lengths: dict[frozenset[str], Floats] = {}
+    begun: set[str] = set()
     for (first, second), bone in bones_between_groups(anatomy, affine).items():
         span = affine.centres[second] - affine.centres[first]
         length = float(np.linalg.norm(span))
+        stray_m = max(SIDEWAYS_SIGMA_M, GIRTH_SIGMA * length) if bone in begun else SIDEWAYS_SIGMA_M
+        begun.add(bone)
         for direction in _basis(span / length):
             grows = float(direction @ span)
             lengthwise = abs(grows) > 0.5 * length
-            unit = length if lengthwise else SIDEWAYS_SIGMA_M
+            unit = length if lengthwise else stray_m
             entries = {shifts[second, k]: direction[k] / unit for k in range(3)}
             entries |= {shifts[first, k]: -direction[k] / unit for k in range(3)}
             row = _row(n + 1, entries | {n: -grows / unit})
             if lengthwise:
-                _sort(row * np.sign(grows), BONE_MEASURES.get(bone), LENGTH_SIGMA, surveyed, rows)
+                lengths[frozenset((groups[first], groups[second]))] = row * np.sign(grows)
+                _sort(row * np.sign(grows), bone_measure(bone), LENGTH_SIGMA, surveyed, rows)
             else:
                 rows.append(row)
+    if anatomy.side == "both":
+        rows += [*_alike(scales), *_alike(lengths)]
     rows += [_row(n + 1, {column: 1.0 / _GAUGE_SIGMA_M}) for column in shifts[0]]
     size, sigma = _size(person)
     rows.append(_row(n + 1, {n: 1.0 / sigma}))
@@ -102,6 +121,16 @@ def _with_size(anatomy: Anatomy, affine: AffineSet, person: Person) -> tuple[Flo
         precision = np.linalg.inv(covariance + OWN_SIGMA**2 * np.eye(len(of)))
         information, pull = information + of.T @ precision @ of, pull + of.T @ precision @ mean
     return np.asarray(information), np.asarray(pull)
+
+
+def _alike(sizes: dict[frozenset[str], Floats]) -> list[Floats]:
+    """Rows that hold sizes of one side to those of the other; ``sizes`` are told by the joints that they are of."""
+    rows = []
+    for joints, row in sizes.items():
+        other = frozenset(of_other_side(joint) or joint for joint in joints)
+        if other != joints and other in sizes and min(joints ^ other) in joints:  # each pair once
+            rows.append((row - sizes[other]) / ALIKE_SIGMA)
+    return rows
 
 
 def _sort(

@@ -1,4 +1,4 @@
-"""How the time of a frame grows with the number of frames, of sensors and of skin vertices."""
+"""How the time of a frame grows with the number of frames, of sensors, of skin vertices and of deformers."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from adapt.subject import Subject
 from capture.cloud.fuse import fuse, region_of_interest
 from capture.recording import Calibration, Recording, SensorCalibration, instants
 from track.accuracy.truth import read_truth
+from track.evaluation.benchmark.deformers import POSED, seconds_by_deformers
 from track.evaluation.benchmark.timing import Timing
 from track.evaluation.made_up_motions import motion_names, perform
 from track.simulation.simulate import performance_rig, simulate_performance
@@ -80,6 +81,11 @@ def by_skin_vertices(recording: Recording, subject: Subject) -> Curve:
     trackers = [make_tracker(one) for one in (subject, fine)]
     counts = tuple(len(one.body.v_hat) for one in (subject, fine))
     return Curve("skin vertices in all, 2000 of them looked at, follow", counts, _follow_seconds(trackers, recording))
+
+
+def by_deformers(subject: Subject) -> Curve:
+    """More limbs in one anatomy, as much of their skin posed with its derivatives."""
+    return Curve(f"deformers, pose {POSED} vertices", *seconds_by_deformers(subject.anatomy))
 
 
 def with_finer_skin(subject: Subject) -> Subject:
@@ -155,6 +161,7 @@ def growth(recording: Recording, subject: Subject, loop: Timing) -> list[Curve]:
         by_sensors(subject),
         by_sampled_vertices(recording, subject),
         by_skin_vertices(recording, subject),
+        by_deformers(subject),
     ]
 
 
