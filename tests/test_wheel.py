@@ -19,7 +19,7 @@ import pytest
 from tests.sources import PACKAGES, ROOT, imports, modules, reached
 
 COMMANDS = "track.cli"
-MOST_SHARE = 0.70  # of the lines of all Python in the three packages
+MOST_SHARE = 0.72  # of the lines of all Python in the three packages; commands have come to reach more of them
 
 
 def shipped_files() -> set[Path]:

@@ -157,7 +157,7 @@ def _solve(q: Image, gates: Image, first: Image, second: Image, z0: Image, fit: 
     for i in range(6):
         for m in range(len(z0)):
             fit[m, i] = solution[i, m]
-    return pairs[:, 0]
+    return np.asarray(pairs[:, 0])
 
 
 @compiled_sums
