@@ -16,7 +16,7 @@ from track.doctor import machine, packages
 from track.doctor.packages import WHAT_FOR, extras, program
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-FOR_DEVELOPERS = {"all", "benchmark", "build", "docs", "lint", "opensim", "test"}
+FOR_DEVELOPERS = {"all", "benchmark", "build", "docs", "lint", "opensim", "test", "train"}
 
 
 def asks_for(monkeypatch, *lines):

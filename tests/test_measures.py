@@ -65,7 +65,8 @@ def test_the_template_is_as_long_as_its_landmarks_say(arm: Anatomy) -> None:
     at = {name: arm.landmarks[arm.landmark_index(name)] for name in ("EM", "EL", "GH")}
     expected = float(np.linalg.norm((at["EM"] + at["EL"]) / 2.0 - at["GH"]))
     assert rows["humerus"].length_m == pytest.approx(expected, abs=1e-4)
-    assert rows["humerus"].ends == "middle of EM and EL to GH"
+    epicondyles = "medial epicondyle of the humerus and lateral epicondyle of the humerus"
+    assert rows["humerus"].ends == f"middle of {epicondyles} to centre of the humeral head"
     assert all(row.length_m == pytest.approx(row.template_m) for row in rows.values())
 
 

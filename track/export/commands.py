@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from capture.console import stdout
-from capture.upright import AXES
 
 if TYPE_CHECKING:
     from track.export.bvh import Gaps
 
 _PATH = click.Path(path_type=Path)
+_AXES = ("x", "y", "z", "-x", "-y", "-z")
 _ONE_FILE = ("gltf", "usd", "bvh", "c3d")
 
 
@@ -34,7 +34,7 @@ _ONE_FILE = ("gltf", "usd", "bvh", "c3d")
     help="What becomes of lost frames in BVH: even motion, the pose before, or a file for each span between.",
 )
 @click.option(
-    "--up", type=click.Choice(list(AXES)), help="The recording's axis that points up, if the motion does not know."
+    "--up", type=click.Choice(_AXES), help="The recording's axis that points up, if the motion does not know."
 )
 @click.option("--out", required=True, type=_PATH, help="The folder to write.")
 def export_command(
@@ -52,6 +52,7 @@ def export_command(
     PLY, .osim, .mot, .sto, .trc and CSV, and what options name: Parquet, glTF, USD, BVH, C3D.
     """
     from adapt.subject import load_subject
+    from capture.upright import AXES
     from track.export.animations import Asked, refuse_formats, write_formats
     from track.export.files import export_motion, export_subject
     from track.motion import MotionError, load_motion, refuse_recording
