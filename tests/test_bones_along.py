@@ -23,10 +23,12 @@ from adapt.subject import Subject
 from capture.errors import AnatomyError
 from tests.test_deformer_types import arched_elbow
 from tests.test_gltf import ReadBack
+from tests.test_usd import posed_by_usd
 from tests.toy_anatomy import toy_anatomy
 from tests.toy_trunk import toy_trunk
 from track.export.gltf import write_gltf
 from track.export.osim import landmark_markers
+from track.export.usd import write_usd
 from track.motion import Motion, bones_and_centres, coordinate_names
 from track.view.frames import pose_body
 
@@ -145,6 +147,18 @@ def test_gltf_bends_them_by_helper_joints_and_hides_them_where_they_do_not_show(
     hidden = [name for name, values in scales.items() if values.tolist() == [1.0, 1.0, 0.0]]
     assert hidden == [f"chest_{k}_of_8" for k in range(9)]
     assert np.ptp(read.hung("chest_surface", 2), axis=0)[[0, 2]].max() < 0.02  # a line along the curve
+
+
+def test_usd_bends_them_by_helper_joints(tmp_path: Path) -> None:
+    from pxr import Usd
+
+    subject, motion = trunk_motion()
+    write_usd(motion, subject, tmp_path / "motion.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "motion.usdc"))
+    for key in (0, 1):
+        expected = posed_bones(subject.body, motion.thetas[key])["chest"]
+        found = posed_by_usd(stage, "chest_surface", float(key))
+        assert np.abs(found - expected).max() < (1e-6 if key == 0 else 5e-4)
 
 
 def test_the_viewer_has_their_surfaces_posed() -> None:

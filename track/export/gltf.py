@@ -151,12 +151,12 @@ def _hung(glb: Glb, mesh: dict[str, Any], skin: LinearSkin, joints: Ints, weight
 
 def _bone_meshes(glb: Glb, skin: LinearSkin) -> list[dict[str, Any]]:
     """Every bone's surface in its joint's frame; of a bone along a curve at rest, hung on its joints."""
-    along, meshes = {bone.name: bone for bone in skin.along}, []
+    along, meshes = {bone.name for bone in skin.along}, []
     for bone, frame in zip(skin.body.anatomy.bones, skin.rest, strict=False):
         rest = skin.body.rest_bones[bone.name]
         if bone.name in along:
-            hung = along[bone.name].hung(skin.first_helper(along[bone.name]))
-            meshes.append(_hung(glb, _mesh(glb, bone.name, rest, bone.faces, _BONE), skin, *hung))
+            mesh = _mesh(glb, bone.name, rest, bone.faces, _BONE)
+            meshes.append(_hung(glb, mesh, skin, *skin.bone_hung(bone.name)))
         else:
             meshes.append(_mesh(glb, bone.name, apply(inverse(frame), rest), bone.faces, _BONE))
     return meshes

@@ -100,6 +100,14 @@ class LinearSkin:
         helpers = [span.frames(transforms) for span in self.spans] + [bone.frames(transforms) for bone in self.along]
         return np.concatenate([moved @ self.rest[: len(moved)], *helpers])
 
+    def bone_hung(self, bone: str) -> tuple[Ints, Floats]:
+        """On which joints the vertices of a bone's surface hang (N, I), the bone or its helpers, and their weights."""
+        along = next((some for some in self.along if some.name == bone), None)
+        if along is not None:
+            return along.hung(self.first_helper(along))
+        whole = np.ones((len(self.body.rest_bones[bone]), 1))
+        return self.names.index(bone) * whole.astype(np.int64), whole
+
     def first_helper(self, bone: BoneAlong) -> int:
         """Which joint is the first of a bone along a curve."""
         return self.names.index(bone.helpers[0])

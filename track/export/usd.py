@@ -70,10 +70,9 @@ def write_usd(motion: Motion, subject: Subject, path: Path, *, up: Floats = AXES
     mesh = skeleton.add("skin", skin.body.v_tilde.value, anatomy.skin_faces, skin.joints, skin.weights, _SKIN)
     mesh.CreateDisplayOpacityAttr([_SKIN_OPACITY])
     _show(mesh, codes, motion.tracked)
-    for k, bone in enumerate(anatomy.bones):
-        rest = skin.body.rest_bones[bone.name]
-        whole = np.ones((len(rest), 1))
-        mesh = skeleton.add(f"{bone.name}_surface", rest, bone.faces, k * whole.astype(int), whole, _BONE)
+    for bone in anatomy.bones:
+        rest, hung = skin.body.rest_bones[bone.name], skin.bone_hung(bone.name)
+        mesh = skeleton.add(f"{bone.name}_surface", rest, bone.faces, *hung, _BONE)
         _show(mesh, codes, motion.shown[:, list(motion.transforms).index(bone.name)] & motion.tracked)
     with replaced_if_own(path, MARK) as partial:
         if not stage.GetRootLayer().Export(str(partial)):
